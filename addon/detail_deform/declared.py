@@ -3,7 +3,7 @@
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .library.options import numbers_of
+from .library.options import enum_numbers
 
 _MAKERS = {bool: BoolProperty, int: IntProperty, float: FloatProperty, str: StringProperty}
 USED, COMPARED = "To Deform", "For Comparison"  # headings in an enum's menu
@@ -13,7 +13,7 @@ def _items(option):
     """The items of an enum for bpy.props. A value has its number in the table, whatever its position in the menu."""
     if not option.compared:
         return option.kind
-    numbers = numbers_of(option.kind)
+    numbers = enum_numbers(option.kind)
     usual, compared = ([(*value, 'NONE', numbers[value[0]]) for value in option.kind
                         if (value[0] in option.compared) == wanted] for wanted in (False, True))
     return [("", USED, ""), *usual, ("", COMPARED, ""), *compared]

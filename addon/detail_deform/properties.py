@@ -284,7 +284,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
 
 
 _UPDATE_CALLBACKS = {'method': _method_changed, 'weights_by': _weights_by_changed, 'base': _base_changed,
-          'preview': _preview_changed, 'soft_border': _result_changed}
+                     'preview': _preview_changed, 'soft_border': _result_changed}
 _UPDATE_CALLBACKS_BY_STRUCT = {options.BIND: _content_changed, **dict.fromkeys(options.OF_UPDATE, _result_changed)}
 declare(DetailDeformSettings, options.SETTINGS,
         lambda option: _UPDATE_CALLBACKS.get(option.name, _UPDATE_CALLBACKS_BY_STRUCT.get(option.struct)))

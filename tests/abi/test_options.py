@@ -27,7 +27,7 @@ def test_a_row_fills_a_field_of_its_kind(option, structs):
         if option.name == 'pairs_of':
             del named_there['DD_PAIRS_OF_NEAREST']  # not a choice in the panel
         assert {prefix + option.fills.value(name): number
-                for name, number in OPTIONS.numbers_of(option.kind).items()} == named_there
+                for name, number in OPTIONS.enum_numbers(option.kind).items()} == named_there
 
 
 @pytest.mark.parametrize('option', FILLING, ids=named)

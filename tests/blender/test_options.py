@@ -58,7 +58,7 @@ def test_properties_agree_with_the_table(options):
                 assert found.type == 'ENUM' and found.default == (option.default or option.kind[0][0])
                 values = [(v.identifier, v.name, v.description) for v in found.enum_items]
                 assert sorted(values) == sorted(option.kind)
-                assert {v.identifier: v.value for v in found.enum_items} == options.numbers_of(option.kind)
+                assert {v.identifier: v.value for v in found.enum_items} == options.enum_numbers(option.kind)
                 assert not option.compared or [v[0] for v in values[-len(option.compared):]] == list(option.compared)
                 continue
             assert found.type == TYPES[option.kind]
@@ -156,8 +156,8 @@ def test_steps_and_refinement_have_reasons_with_a_base_object(options):
     settings.base = 'OBJECT'
     assert "is followed as it is" in options.why_not(rows['refine'], settings)
     assert "can't be split" in options.why_not(rows['steps'], settings)
-    assert options.asked(options.BIND, settings) == {}
-    told = options.asked(options.UPDATE, settings)
+    assert options.arguments_of(options.BIND, settings) == {}
+    told = options.arguments_of(options.UPDATE, settings)
     assert (told['refine'], told['steps']) == (0, 1)
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, group_columns, handle_matrices, handle_owners, mesh_data, node_group,
-                     offset_attribute, outside_base, proportions, renamed_groups, displayed, split, stack, start)
+from ..scene import (carried, dependency, displayed, group_columns, handle_matrices, handle_owners, mesh_data,
+                     node_group, offset_attribute, outside_base, proportions, renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -82,7 +82,8 @@ def bind(ob, depsgraph, wait, keep_rest):
 
 
 def _poses(ob, roles, depsgraph, only_new):
-    """{number: handle_matrices.pose_matrix_beside_bone()} of the handles with empties; only_new: those without a rest place."""
+    """{number: handle_matrices.pose_matrix_beside_bone()} of the handles with empties; only_new: those without a rest
+    place."""
     chosen = {number: handle.target for number, handle in enumerate(handle_matrices.enabled_handles(ob.detail_deform))
               if handle.target and not handle.mirrors and not (only_new and handle_matrices.has_rest(handle))}
     if not chosen or not displayed.needs_measuring(ob) or ob.detail_deform.base == 'OBJECT':
@@ -169,7 +170,8 @@ def kept(ob):
     """The present Kept, for restore()."""
     settings = ob.detail_deform
     return Kept([getattr(settings, name) for name in _STATE],
-                [[getattr(handle, name)[:] for name in handle_matrices.BINDING_PROPERTIES] for handle in settings.handles],
+                [[getattr(handle, name)[:] for name in handle_matrices.BINDING_PROPERTIES]
+                 for handle in settings.handles],
                 [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
                  for name in _OF_MESHES])
 

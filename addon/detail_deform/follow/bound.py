@@ -85,7 +85,8 @@ def carry_along(ob, depsgraph):
     if len(before) == len(now) and carried.moved_with_space(motion, before, now):
         carried.carry(ob, motion)
     else:
-        of.bound_points = carried.sample_points(ob.data)  # the user moved all vertices: later motions are relative to this
+        # The user moved all vertices: later motions are relative to this.
+        of.bound_points = carried.sample_points(ob.data)
 
 
 def _show_whole(ob):

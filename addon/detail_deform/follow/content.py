@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..library import native
-from ..library.options import BIND, FALLOFF_ORDERS, asked
+from ..library.options import BIND, FALLOFF_ORDERS, arguments_of
 from ..library.structs import BindOptions
 from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, proportions, split, start
 from ..scene.mesh_data import MeshProblem
@@ -51,7 +51,7 @@ def options(ob):
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return outside_base.rest(ob)
-    told = asked(BIND, settings)
+    told = arguments_of(BIND, settings)
     made = {name: told[name] for name in BindOptions.kinds if name in told}  # in the order of saved signatures
     try:
         poses = examples.positions(ob)
@@ -161,8 +161,9 @@ def _text(value):
 
 
 def parts_to_bind(ob, known, joined, triangles, hung_ones):
-    """[reaches.Part] of the object, in proportions.bound(). known: Roles. joined: the object's split.WeldedMesh. triangles:
-    of its mesh. hung_ones: of hung(); these vertices are fixed here, and follow the deformed surface (placed.py)."""
+    """[reaches.Part] of the object, in proportions.bound(). known: Roles. joined: the object's split.WeldedMesh.
+    triangles: of its mesh. hung_ones: of hung(); these vertices are fixed here, and follow the deformed surface
+    (placed.py)."""
     positions, triangles = proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.representatives(triangles)
     surface, found = reaches.Surface(positions, triangles), []
     for part in known.parts:

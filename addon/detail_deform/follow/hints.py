@@ -5,7 +5,7 @@ import numpy as np
 
 from .. import session
 from ..library import native
-from ..scene import components, examples, handle_matrices, mesh_data, split, feedback
+from ..scene import components, examples, feedback, handle_matrices, mesh_data, split
 from ..scene.mesh_data import MeshProblem
 from . import content, misshapen, registry
 

@@ -12,7 +12,7 @@ import bpy
 
 from .. import session, timers
 from ..library import native
-from ..scene import node_group, offset_attribute, attribute_reaches, renamed_groups
+from ..scene import attribute_reaches, node_group, offset_attribute, renamed_groups
 from ..scene.window import redraw_panels
 from . import bound, drag, fed, problem_vertices, registry, shown, slow_results, words
 from .kind import Kind

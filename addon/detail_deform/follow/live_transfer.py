@@ -4,7 +4,8 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import partial_evaluation, correspondence, node_group, offset_attribute, attribute_reaches, source_pose, stack, transferred
+from ..scene import (attribute_reaches, correspondence, node_group, offset_attribute, partial_evaluation, source_pose,
+                     stack, transferred)
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import forget_foreign
 from . import binding, fed, life, registry
@@ -90,7 +91,8 @@ def state(ob):
     entry = fed.cache.find(settings.prepared_for)
     unfollowed = entry.made.unfollowed if entry else ""
     return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, unfollowed,
-                                  ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob), stack.why_misplaced(ob))))
+                                  ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob),
+                                  stack.why_misplaced(ob))))
 
 
 def is_preparing(ob):

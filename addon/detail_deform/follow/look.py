@@ -10,7 +10,7 @@ _STEPS = next(option for option in options.SETTINGS if option.name == 'steps')
 
 def asked(settings):
     """{name: value} of dd_update_options."""
-    found = options.asked(options.UPDATE, settings)
+    found = options.arguments_of(options.UPDATE, settings)
     if settings.method == 'EXAMPLES':
         found['gradients'] = 'WHOLE'  # rotations alone could not reproduce examples that swell
         if settings.weights_by == 'SLIDERS' and settings.base == 'COMPUTED':
@@ -45,7 +45,7 @@ def quick(told, share=1.0):
 
 def steps(settings):
     """The number of steps; 1 for Examples, and with a base object, whose motion can't be divided."""
-    return options.value(_STEPS, settings)
+    return options.library_value(_STEPS, settings)
 
 
 def soft_border(settings):

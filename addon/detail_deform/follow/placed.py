@@ -62,7 +62,7 @@ def _closed(ob, made_for, result):
     if not key:
         return result
     return _seams.of(made_for, lambda: mirror_plane.Seams(ob, content.roles(ob)),
-               lambda seams: seams.key == key).closed(result)
+               lambda seams: seams.signature == key).closed(result)
 
 
 def know(ob, signature, joined, triangles, hung):

@@ -7,14 +7,14 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import mesh_data, proportions, mirrored_source
+from ..scene import mesh_data, mirrored_source, proportions
 from ..scene.loose import LooseVertices
 from ..scene.mesh_data import MeshProblem
 
 
 def _spaces(source, target, stance):
-    """[proportions.ProportionalSpace] of source and target. With a stance, (4, 4) from the source's space to the target's, the
-    source is placed relative to the target; else each space only has the object's proportions."""
+    """[proportions.ProportionalSpace] of source and target. With a stance, (4, 4) from the source's space to the
+    target's, the source is placed relative to the target; else each space only has the object's proportions."""
     own = [proportions.ProportionalSpace(proportions.of(ob)) for ob in (source, target)]
     if stance is None:
         return own
@@ -26,8 +26,9 @@ class Prepared:
     """A factored transfer between two objects, computed in the proportions that they have in the scene."""
 
     def __init__(self, transfer, source, target, worn, loose, wide, unfollowed):
-        """source, target: the proportions.ProportionalSpace of each. worn: whether the correspondence is by nearest points. loose:
-        the target's Loose. wide: the source's mirrored_source.MirroredSource, or None. unfollowed: of mirrored_source.unfollowed()."""
+        """source, target: the proportions.ProportionalSpace of each. worn: whether the correspondence is by nearest
+        points. loose: the target's Loose. wide: the source's mirrored_source.MirroredSource, or None. unfollowed: of
+        mirrored_source.unfollowed()."""
         self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
         self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
 
@@ -67,7 +68,8 @@ class Preparation:
 
     def __init__(self, source, target, matched, how, precision='DOUBLE'):
         """how: a How. Raises MeshProblem or native.NativeError."""
-        self._spaces, self._worn = _spaces(source, target, matched.relative_transform), matched.relative_transform is not None
+        self._spaces = _spaces(source, target, matched.relative_transform)
+        self._worn = matched.relative_transform is not None
         shapes = [mesh_data.rest_positions(ob.data) for ob in (source, target)]
         sides = [matched.source_triangles, matched.target_triangles]
         self._wide, self._unfollowed = mirrored_source.find(source) if self._worn else None, ""
@@ -77,7 +79,7 @@ class Preparation:
             self._unfollowed = _unfollowed(source, (shapes[0], sides[0]), shapes[1], matched.relative_transform)
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
         self._loose = LooseVertices(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
-                            meshes[0][0] if matched.is_by_topology else None)
+                                    meshes[0][0] if matched.is_by_topology else None)
         more = {}
         if self._worn:
             more['gap'] = how.least_gap

@@ -3,7 +3,8 @@
 
 import bpy
 
-from ..scene import carried, examples, handle_matrices, node_group, offset_attribute, posers, proportions, attribute_reaches, stack
+from ..scene import (attribute_reaches, carried, examples, handle_matrices, node_group, offset_attribute, posers,
+                     proportions, stack)
 from . import bound, hints, look, shown, slow_results, words
 
 
@@ -145,7 +146,8 @@ def _remarks(ob, info):
     if proportions.changed_since(ob) > _UNEVEN:
         yield (f"'{ob.name}' is scaled along other directions than when it was bound, so that details that turn are "
                "sheared: press Re-bind.")
-    yield from filter(None, (ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob), stack.why_misplaced(ob)))
+    yield from filter(None, (ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob),
+                             stack.why_misplaced(ob)))
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "

@@ -5,19 +5,19 @@ import threading
 
 import numpy as np
 
-from .jobs import Job, Made
+from .jobs import Job, JobResult
 from . import structs
 from .loading import Owned, call, call_when_free, count, filled, vertices
-from .structs import FINDINGS, ROLES, BindOptions, Info, UpdateInfo, UpdateOptions, numbers, points_out
+from .structs import FINDINGS, ROLES, BindOptions, Info, UpdateInfo, UpdateOptions, contiguous, points_out
 
 ROLE_FREE, ROLE_FIXED = ROLES['FREE'], ROLES['FIXED']
 
 
 def update_options(**options):
     """dd_update_options for offsets, by the names of its fields and of its enums' values; for single methods' settings
-    by the keywords of structs.OF_METHODS. None stands for the default."""
+    by the keywords of structs.METHOD_FIELDS. None stands for the default."""
     of_methods = {}
-    for keyword, (field, name) in structs.OF_METHODS.items():
+    for keyword, (field, name) in structs.METHOD_FIELDS.items():
         value = options.pop(keyword, None)
         if value is not None:
             of_methods.setdefault(field, {})[name] = value
@@ -37,7 +37,7 @@ class Bind(Job):
         """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a handle
         number below handle_count. options: by the names of dd_bind_options' fields; base (n, 3), examples
         (count, n, 3). All are copied."""
-        roles = numbers('roles', roles, np.int32)
+        roles = contiguous('roles', roles, np.int32)
         super().__init__('dd_deformer_bind_start', structs.mesh(positions, triangles), roles, len(roles), handle_count,
                          filled(BindOptions, **options))
         self._vertex_count, self._example_count = len(roles), count(options.get('examples'))
@@ -65,7 +65,7 @@ class Draft(Owned):
 
     def offsets(self, matrices, base=None, **options):
         """As of Deformer."""
-        matrices = numbers('matrices', matrices, np.float64, 3, 4)
+        matrices = contiguous('matrices', matrices, np.float64, 3, 4)
         found = np.empty(3 * self.vertex_count, np.float32)
         with self._lock:
             call('dd_draft_update', self, matrices, len(matrices), update_options(base=base, **options),
@@ -73,10 +73,10 @@ class Draft(Owned):
         return found
 
 
-class Deformer(Made):
+class Deformer(JobResult):
     """A bound surface. One update at a time: renders come from another thread than the window."""
 
-    take, free = 'dd_job_take_deformer', 'dd_deformer_free'
+    take_function, free = 'dd_job_take_deformer', 'dd_deformer_free'
     is_draft, fades = False, False
 
     def __init__(self, job, example_count=0):
@@ -100,7 +100,7 @@ class Deformer(Made):
         handles. options: as of update_options. Calls are serialized, and wait for an Update's first step.
         Returns (3 n,) float32 of its own, deformed minus rest. info is brought up to date: methods are prepared when
         they are first used."""
-        matrices = numbers('matrices', matrices, np.float64, 3, 4)
+        matrices = contiguous('matrices', matrices, np.float64, 3, 4)
         how = update_options(base=base, example_weights=example_weights, **options)
         found = np.empty(3 * self.info.vertex_count, np.float32)
         with self._lock:
@@ -135,7 +135,7 @@ class Update(Job):
     def __init__(self, deformer, matrices, wait=False, **options):
         """As for Deformer.offsets; steps, and turns (h, 3), rotation vectors, among the options. wait: for a deformer
         that is in use, where NativeError says so otherwise."""
-        matrices = numbers('matrices', matrices, np.float64, 3, 4)
+        matrices = contiguous('matrices', matrices, np.float64, 3, 4)
         self._vertex_count = deformer.info.vertex_count
         super().__init__('dd_deformer_update_start', deformer, matrices, len(matrices), update_options(**options),
                          call=call_when_free if wait else call)

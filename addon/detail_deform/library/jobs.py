@@ -40,15 +40,15 @@ class Job(Owned):
         call('dd_job_cancel', self)
 
 
-class Made(Owned):
-    """What a job made."""
+class JobResult(Owned):
+    """What a job has made, which takes it over from the job."""
 
-    take = None  # the function that takes it
+    take_function = None  # name of the library's function that takes it over
 
     def __init__(self, job):
         """Waits; the job is over, or raises NativeError."""
         try:
-            self._make(self.take, job)
+            self._make(self.take_function, job)
         except NativeError as error:
             error.vertices = vertices('dd_job_get_vertices', job)
             raise

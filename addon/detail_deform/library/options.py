@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All that can be set, as one table. Blender's properties, the panels' rows and why one is greyed, Copy Settings, what
-a bind and an update are asked for, and the option structs' fields are made of it. It needs no Blender.
+a bind and an update get as arguments, and the option structs' fields are made of it. It needs no Blender.
 
 A new setting of a method is a row here and its field's name in structs.py, beside the C library's own."""
 
@@ -20,7 +20,7 @@ class Need(NamedTuple):
     name: str
     values: tuple
     why_not: str = ""  # shown where the condition fails, the option greyed; '': it is hidden
-    by: tuple = ()  # the methods for which the condition applies; (): all
+    methods: tuple = ()  # the methods for which the condition applies; (): all
 
 
 class Field(NamedTuple):
@@ -28,7 +28,7 @@ class Field(NamedTuple):
     struct: str
     name: str
     kind: Any  # int, float, or the name of an enum
-    value: Callable = lambda value: value  # of the setting's
+    value: Callable = lambda value: value  # function from the setting's value to the field's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,11 +43,11 @@ class Option:
     needs: tuple = ()
     off: Any = None  # passed while every unmet need has a why_not; None: the field isn't passed
     section: str = ""  # of the panels; '': no row, or one of its own
-    compared: tuple = ()  # values of an enum that its menu has under a heading of their own
+    compared: tuple = ()  # values that the enum's menu lists last, under the heading For Comparison (declared.py)
     expand: bool = False  # as buttons side by side
     search: str = ""  # of the object: collection that a name is chosen from
     copied: bool = True  # by Copy Settings
-    told: str = ""  # tooltip of the operator's argument, if it differs
+    argument_tooltip: str = ""  # tooltip of the operator's argument, if it differs
 
     @property
     def struct(self):
@@ -59,9 +59,9 @@ class Option:
         return self.fills.name if self.fills.struct in (BIND, UPDATE) else self.name
 
     @property
-    def argument(self):
+    def as_argument(self):
         """As the operator has it."""
-        return dataclasses.replace(self, tooltip=self.told or self.tooltip)
+        return dataclasses.replace(self, tooltip=self.argument_tooltip or self.tooltip)
 
 
 # Values of enums. The order is that of the C library's numbers where it knows them.
@@ -102,7 +102,7 @@ FORMULATIONS = (
 PAIRS_OF = (
     ('TRIANGLES', "Triangles", "Numbers of triangles; those of faces where all of them are triangles"),
     ('VERTICES', "Vertices", "Numbers of vertices"))
-NEAREST = 'NEAREST'  # of the library, which finds them
+NEAREST = 'NEAREST'  # also a value of the library's dd_pairs_of, which then finds the pairs itself
 ANCHORS = (
     ('SOURCE', "With Source", "Every loose part moves along with what it corresponds to"),
     ('CENTROID', "Centre", "The centre of the mesh stays in place"),
@@ -133,7 +133,7 @@ HANDLE_TURNS = (
     ('FREE', "Freely",
      "The empty only places the vertices: they keep their shape and turn as the surface around them asks, about the "
      "place where the empty was bound. Pull a limb by its hand, and it follows with no twist of the wrist"))
-# By their number the order of the energy, dd_smoothness, that they stand for.
+# The index of each but the first is the order of the base energy, dd_smoothness, that it sets for a reach.
 FALLOFFS = (
     ('MESH', "As the Mesh", "As the mesh's own Smoothness has it (Base Surface)"),
     ('SHARP', "Sharp", "To a point at the handle, and to a crease at the border: Smoothness 1"),
@@ -161,7 +161,7 @@ CORRESPONDENCES = (
      "when Follow or Transfer is pressed, in their rest shapes"))
 
 
-def numbers_of(values):
+def enum_numbers(values):
     """{name: number} of an enum's values."""
     return {value[0]: number for number, value in enumerate(values)}
 
@@ -180,7 +180,7 @@ def library_method(name):
 
 
 _COMPUTED = Need('base', ('COMPUTED',))
-_NO_SLIDERS = Need('weights_by', ('HANDLES',), by=('EXAMPLES',))
+_NO_SLIDERS = Need('weights_by', ('HANDLES',), methods=('EXAMPLES',))
 _WITHOUT_REFINE = "It has no effect while Quality of large bends is 0."
 
 # Of Object.detail_deform, by the panels' sections and in the order of their rows.
@@ -200,9 +200,10 @@ SETTINGS = (
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
                   Need('base', ('COMPUTED',), "A base object is followed as it is, so no bend of it is improved."),
                   Need('rotation_only', (True,), "Large bends are improved only with Keep Detail Size: switch it on.",
-                       by=('TRANSFER',)),
+                       methods=('TRANSFER',)),
                   Need('formulation', ('SURFACE',),
-                       "Large bends are improved only by Formulation > Surface (For Comparison).", by=('TRANSFER',))),
+                       "Large bends are improved only by Formulation > Surface (For Comparison).",
+                       methods=('TRANSFER',))),
            off=0),
     Option('rotation_smoothing', float, "Bend Length",
            "Length over which a bend is spread out, as a share of the size of the region (the square root of its "
@@ -211,8 +212,8 @@ SETTINGS = (
            default=0.009, limits=dict(min=0.009, soft_max=0.05, max=1.0, precision=3, step=0.1),
            fills=Field(REFINEMENT, 'rotation_smoothing', float), section='METHOD',
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS, Need('base', ('COMPUTED',)),
-                  Need('rotation_only', (True,), by=('TRANSFER',)),
-                  Need('formulation', ('SURFACE',), by=('TRANSFER',)),
+                  Need('rotation_only', (True,), methods=('TRANSFER',)),
+                  Need('formulation', ('SURFACE',), methods=('TRANSFER',)),
                   Need('refine', range(1, 1001), _WITHOUT_REFINE))),
     Option('rim_smoothing', float, "Rim Smoothing",
            "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
@@ -221,10 +222,10 @@ SETTINGS = (
            fills=Field(REFINEMENT, 'rim_smoothing', float), section='METHOD',
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
                   Need('rotation_only', (True,), "Without Keep Detail Size there is no crease to smooth.",
-                       by=('TRANSFER',)),
+                       methods=('TRANSFER',)),
                   Need('formulation', ('SURFACE',),
-                       "Rims are smoothed only by Formulation > Surface (For Comparison).", by=('TRANSFER',)),
-                  Need('refine', range(1, 1001), _WITHOUT_REFINE, by=('EXAMPLES',))),
+                       "Rims are smoothed only by Formulation > Surface (For Comparison).", methods=('TRANSFER',)),
+                  Need('refine', range(1, 1001), _WITHOUT_REFINE, methods=('EXAMPLES',))),
            off=0.0),
     Option('levels', int, "Levels",
            "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
@@ -308,7 +309,8 @@ _WORN = (Need('correspondence', (NEAREST, 'STORED')), Need('rotation_only', (Fal
 TRANSFER_SETTINGS = (
     Option('correspondence', CORRESPONDENCES, "Match By",
            "How it is known which part of the source belongs to which of this mesh", section='CORRESPONDENCE',
-           told="How it is known which part of the source belongs to which of this mesh; as in the panel unless given"),
+           argument_tooltip="How it is known which part of the source belongs to which of this mesh; as in the panel "
+                            "unless given"),
     Option('filepath', str, "List",
            "Text file with a pair of numbers a line, source then target, counted from 0",
            limits=dict(subtype='FILE_PATH'), section='CORRESPONDENCE', needs=(Need('correspondence', ('LIST',)),)),
@@ -319,42 +321,42 @@ TRANSFER_SETTINGS = (
            "This mesh only turns as the source does and keeps its proportions. Off: it is stretched with the source "
            "too",
            fills=Field(APPLY, 'gradients', 'dd_gradients', _gradients), section='TRANSFER',
-           told="Only turn with the source, without its stretch; as in the panel unless given"),
+           argument_tooltip="Only turn with the source, without its stretch; as in the panel unless given"),
     Option('placing', PLACINGS, "Places",
            "What decides where this mesh goes, beside how the source turns and stretches",
            fills=Field(TRANSFER, 'placing', 'dd_placing'), section='TRANSFER',
            needs=(Need('rotation_only', (False,)),),
-           told="What decides where the mesh goes; as in the panel unless given"),
+           argument_tooltip="What decides where the mesh goes; as in the panel unless given"),
     Option('keep_outside', bool, "Keep Outside",
            "What is matched by Nearest doesn't go through the source, or not farther than it does at rest. What is "
            "mostly inside of it at rest stays inside",
            default=True, section='TRANSFER', needs=_WORN,
-           told="What is matched by Nearest stays outside of the source; as in the panel unless given"),
+           argument_tooltip="What is matched by Nearest stays outside of the source; as in the panel unless given"),
     Option('gap', float, "Gap",
            "How far outside at least, as a share of this mesh's size, or three quarters as far as at rest where that "
            "is less",
            default=0.005, limits=dict(min=0.0, soft_max=0.1, max=10.0, precision=4, step=0.1),
            fills=Field(TRANSFER, 'gap', float), section='TRANSFER',
            needs=(*_WORN, Need('keep_outside', (True,))),
-           told="How far outside of the source it is kept at least, as a share of the mesh's size; as in the panel "
-                "unless given"),
+           argument_tooltip="How far outside of the source it is kept at least, as a share of the mesh's size; as in the "
+                            "panel unless given"),
     Option('anchor', ANCHORS, "Anchor", "What stays in place: how a mesh bends says nothing of where it is",
            fills=Field(TRANSFER, 'anchor', 'dd_anchor'), section='TRANSFER',
-           told="What stays in place; as in the panel unless given"),
+           argument_tooltip="What stays in place; as in the panel unless given"),
     Option('anchor_group', str, "Anchor Group", "Vertex group of this mesh that stays in place", section='TRANSFER',
            search='vertex_groups', needs=(Need('anchor', ('VERTICES', 'PINNED')),)),
     Option('formulation', FORMULATIONS, "Formulation",
            "How the deformation of the faces becomes that of the mesh",
            fills=Field(TRANSFER, 'formulation', 'dd_formulation'), section='COMPARISON',
-           told="How the deformation of the faces becomes that of the mesh; as in the panel unless given"),
+           argument_tooltip="How the deformation of the faces becomes that of the mesh; as in the panel unless given"),
 )
 
 
-# What the rows say of an object's settings
+# The rows applied to an object's settings
 
 def _unmet(option, settings):
     return [need for need in option.needs if getattr(settings, need.name) not in need.values
-            and (not need.by or settings.method in need.by)]
+            and (not need.methods or settings.method in need.methods)]
 
 
 def is_shown(option, settings):
@@ -366,22 +368,24 @@ def why_not(option, settings):
     return next((need.why_not for need in _unmet(option, settings) if need.why_not), "")
 
 
-def value(option, settings):
-    """What the library is told. None: nothing, so that a setting without effect costs nothing when it is changed."""
+def library_value(option, settings):
+    """The value of the option's field in the library's struct; None where the setting has no effect now: the field then
+    keeps its default, and a change of the setting makes no difference to the library."""
     unmet = _unmet(option, settings)
     if unmet:
         return option.off if all(need.why_not for need in unmet) else None
     return option.fills.value(getattr(settings, option.name))
 
 
-_OF_CALL = {BIND: [option for option in SETTINGS if option.struct == BIND],
-            UPDATE: [option for option in SETTINGS if option.struct in OF_UPDATE]}
+_OPTIONS_OF_CALL = {BIND: [option for option in SETTINGS if option.struct == BIND],
+                    UPDATE: [option for option in SETTINGS if option.struct in OF_UPDATE]}
 
 
-def asked(call, settings):
-    """{keyword: value} of a bind or an update, of those that matter now."""
-    told = {option.keyword: value(option, settings) for option in _OF_CALL[call]}
-    return {name: value for name, value in told.items() if value is not None}
+def arguments_of(call, settings):
+    """{keyword: value}: the arguments of a bind or an update, of the settings that have an effect now. call: BIND or
+    UPDATE."""
+    values = {option.keyword: library_value(option, settings) for option in _OPTIONS_OF_CALL[call]}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def kind_of(struct, field):

@@ -24,22 +24,22 @@ REMEDIES = {name: number for number, name in enumerate((
 ROLES = {'FREE': -1, 'FIXED': -2}
 GRADIENTS = {'ROTATIONS': 0, 'WHOLE': 1}
 VALUES = {'POSITIONS': 0, 'OFFSETS': 1}
-FORMULATIONS = options.numbers_of(options.FORMULATIONS)
+FORMULATIONS = options.enum_numbers(options.FORMULATIONS)
 PRECISIONS = {'SINGLE': 0, 'DOUBLE': 1}
 JOB_STATES = {'RUNNING': 0, 'DONE': 1, 'FAILED': 2}
 STAGES = {name: number for number, name in enumerate((
     'STARTING', 'OPERATORS', 'POISSON', 'ENERGY', 'BASE', 'HANDLES', 'ENERGY_ON_BASE', 'DEFORMING', 'VOLUMES',
     'RESTORING', 'MESHES', 'FUNCTIONS', 'PLACEMENTS', 'MAP', 'SIDES', 'PLACING', 'FITTING', 'CORRESPONDENCE', 'DONE'))}
-METRICS = options.numbers_of(options.METRICS)
+METRICS = options.enum_numbers(options.METRICS)
 SMOOTHNESSES = {'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
 TRIANGULATIONS = {'DELAUNAY': 0, 'GIVEN': 1}
-METHODS = options.numbers_of([(options.library_method(name),) for name, *_ in options.METHODS])
-HANDLE_TURNS = options.numbers_of(options.HANDLE_TURNS)
-BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
-OUTPUTS = options.numbers_of(options.OUTPUTS)
-PAIRS_OF = options.numbers_of((*options.PAIRS_OF, (options.NEAREST,)))
-ANCHORS = options.numbers_of(options.ANCHORS)
-PLACINGS = options.numbers_of(options.PLACINGS)
+METHODS = options.enum_numbers([(options.library_method(name),) for name, *_ in options.METHODS])
+HANDLE_TURNS = options.enum_numbers(options.HANDLE_TURNS)
+BASE_DEFORMERS = options.enum_numbers(options.BASE_DEFORMERS)
+OUTPUTS = options.enum_numbers(options.OUTPUTS)
+PAIRS_OF = options.enum_numbers((*options.PAIRS_OF, (options.NEAREST,)))
+ANCHORS = options.enum_numbers(options.ANCHORS)
+PLACINGS = options.enum_numbers(options.PLACINGS)
 FINDINGS = {'RESTING': 0, 'LOOSE': 1, 'DEGENERATE': 2, 'UNREPRESENTED': 3, 'FAR': 4, 'TORN': 5}
 ENUMS = {
     'dd_status': ('DD_', STATUS), 'dd_subject': ('DD_SUBJECT_', SUBJECTS), 'dd_remedy': ('DD_REMEDY_', REMEDIES),
@@ -79,7 +79,7 @@ class NativeError(Exception):
         return NativeError(str(self), self.status, vertices, self.message, self.subject, index, self.remedy)
 
 
-def numbers(name, values, dtype, *of_each):
+def contiguous(name, values, dtype, *of_each):
     """values as a contiguous array whose last dimensions are of_each. Raises NativeError if they aren't, or if numbers
     that count something aren't whole or too large."""
     values, dtype = np.asarray(values), np.dtype(dtype)
@@ -96,10 +96,10 @@ def numbers(name, values, dtype, *of_each):
 
 
 class Array:
-    """A pointer to numbers, of_each (a shape) for each item. The size fields after it get the other dimensions."""
+    """A pointer to numbers; item_shape: the shape of each item. The size fields after it get the other dimensions."""
 
     def __init__(self, dtype, *of_each):
-        self.dtype, self.of_each = np.dtype(dtype), of_each
+        self.dtype, self.item_shape = np.dtype(dtype), of_each
 
 
 class PointTo:
@@ -154,7 +154,7 @@ class Struct(ctypes.Structure):
 
     def _point_to(self, name, value):
         sizes = self.sizes_after[name]
-        array = numbers(name, value if sizes else [value], self.kinds[name].dtype, *self.kinds[name].of_each)
+        array = contiguous(name, value if sizes else [value], self.kinds[name].dtype, *self.kinds[name].item_shape)
         self._alive.append(array)
         setattr(self, name, array.ctypes.data)
         for size, count in zip(sizes, array.shape):
@@ -175,9 +175,10 @@ def _option(c_name, field):
     return {int: _INT, float: _DOUBLE}.get(kind, kind), field
 
 
-def _struct(c_name, doc, *fields):
-    """fields: (kind, names...), a kind being a ctypes type, an Array, a PointTo, or the name of an enum; or the name
-    alone where the table of options says which."""
+def _struct_class(c_name, doc, *fields):
+    """A subclass of Struct for the header's struct c_name. fields: (kind, names...), where kind is a ctypes type, an
+    Array, a PointTo, or the name of an enum. A field that a row of options.py fills is given by its name alone, and has
+    the row's kind."""
     each = (_option(c_name, field) if isinstance(field, str) else field for field in fields)
     kinds = {name: kind for kind, *names in each for name in names}
     types = {name: ctypes.c_void_p if isinstance(kind, (Array, PointTo)) else _INT if isinstance(kind, str) else kind
@@ -191,22 +192,22 @@ def _struct(c_name, doc, *fields):
                                     'sizes_after': sizes_after})
 
 
-def _sized(c_name, doc, *fields):
-    return _struct(c_name, doc, (ctypes.c_uint32, 'struct_size'), *fields)
+def _sized_struct_class(c_name, doc, *fields):
+    return _struct_class(c_name, doc, (ctypes.c_uint32, 'struct_size'), *fields)
 
 
 _FLOAT = np.dtype(np.float32)
 
 
-Points = _struct('dd_points', "Points to read", (ctypes.c_void_p, 'first'), (_SIZE, 'count', 'stride'))
-PointsOut = _struct('dd_points_out', "Points to write", (ctypes.c_void_p, 'first'), (_SIZE, 'count', 'stride'))
+Points = _struct_class('dd_points', "Points to read", (ctypes.c_void_p, 'first'), (_SIZE, 'count', 'stride'))
+PointsOut = _struct_class('dd_points_out', "Points to write", (ctypes.c_void_p, 'first'), (_SIZE, 'count', 'stride'))
 
 
 def points(name, array):
     """dd_points: to an (n, 3) float32 array without copying it, or to a copy if rows aren't three adjacent floats."""
     if not (isinstance(array, np.ndarray) and array.dtype == _FLOAT and array.ndim == 2 and array.shape[1] == 3
             and array.strides[1] == 4 and array.strides[0] >= 12 and array.strides[0] % 4 == 0):
-        array = numbers(name, array, np.float32, 3)
+        array = contiguous(name, array, np.float32, 3)
     made = Points(first=array.ctypes.data, count=len(array), stride=array.strides[0] if len(array) else 12)
     made._alive.append(array)
     return made
@@ -219,8 +220,8 @@ def points_out(array):
     return made
 
 
-Mesh = _struct('dd_mesh', "A triangle mesh", (Points, 'vertices'), (Array(np.int32, 3), 'triangles'),
-               (_SIZE, 'triangle_count'))
+Mesh = _struct_class('dd_mesh', "A triangle mesh", (Points, 'vertices'), (Array(np.int32, 3), 'triangles'),
+                     (_SIZE, 'triangle_count'))
 _POINTS = PointTo(Points)
 
 
@@ -229,71 +230,73 @@ def mesh(positions, triangles):
     return Mesh(vertices=points('positions', positions), triangles=triangles)
 
 
-Failure = _sized('dd_error', "What went wrong", ('dd_status', 'status'), ('dd_subject', 'subject'),
-                 ('dd_remedy', 'remedy'), (ctypes.c_int64, 'index'), (ctypes.c_char_p, 'message'))
-Progress = _sized('dd_progress', "How far a job is", ('dd_job_state', 'state'), ('dd_stage', 'stage'),
-                  (_DOUBLE, 'fraction'))
-BindOptions = _sized(
+Failure = _sized_struct_class('dd_error', "What went wrong", ('dd_status', 'status'), ('dd_subject', 'subject'),
+                              ('dd_remedy', 'remedy'), (ctypes.c_int64, 'index'), (ctypes.c_char_p, 'message'))
+Progress = _sized_struct_class('dd_progress', "How far a job is", ('dd_job_state', 'state'), ('dd_stage', 'stage'),
+                               (_DOUBLE, 'fraction'))
+BindOptions = _sized_struct_class(
     'dd_bind_options', "What a binding depends on beside mesh and roles",
     'base_metric', 'metric_smoothing', 'smoothness', ('dd_triangulation', 'triangulation'),
     ('dd_precision', 'precision'), (_INT, 'threads', 'draft'), (_POINTS, 'base'),
     (Array(np.int32, 3), 'base_triangles'), (_SIZE, 'base_triangle_count'),
     (PointTo(Points, many=True), 'examples'), (_SIZE, 'example_count'))
-RefinementOptions = _sized('dd_refinement_options', "How rotations are found iteratively", 'iterations',
-                           'rotation_smoothing', 'rim_smoothing')
-NormalOptions = _sized('dd_normal_options', "Of normal displacements", 'levels')
-VolumesOptions = _sized('dd_volumes_options', "Of displacement volumes", 'iterations', 'tolerance')
-ExamplesOptions = _sized('dd_examples_options', "Of posing by example", (Array(np.float64), 'weights'),
-                         (_SIZE, 'weight_count'), 'stiffness', (Array(np.float64, 2), 'limits'),
-                         (_SIZE, 'limit_count'))
-UpdateOptions = _sized(
+RefinementOptions = _sized_struct_class('dd_refinement_options', "How rotations are found iteratively", 'iterations',
+                                        'rotation_smoothing', 'rim_smoothing')
+NormalOptions = _sized_struct_class('dd_normal_options', "Of normal displacements", 'levels')
+VolumesOptions = _sized_struct_class('dd_volumes_options', "Of displacement volumes", 'iterations', 'tolerance')
+ExamplesOptions = _sized_struct_class('dd_examples_options', "Of posing by example", (Array(np.float64), 'weights'),
+                                      (_SIZE, 'weight_count'), 'stiffness', (Array(np.float64, 2), 'limits'),
+                                      (_SIZE, 'limit_count'))
+UpdateOptions = _sized_struct_class(
     'dd_update_options', "What an update depends on beside the handles",
     'method', 'gradients', 'formulation', 'base_deformer', 'output', ('dd_values', 'values'), 'steps',
     (_POINTS, 'base'), (Array(np.int32), 'handle_turns'), (_SIZE, 'handle_turn_count'),
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64, 3), 'pivots'), (_SIZE, 'pivot_count'),
     (PointTo(RefinementOptions), 'refinement'), (PointTo(NormalOptions), 'normal'),
     (PointTo(VolumesOptions), 'volumes'), (PointTo(ExamplesOptions), 'examples'))
-UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
-                    (_DOUBLE, 'volume_error'))
-Info = _sized(
+UpdateInfo = _sized_struct_class('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
+                                 (_DOUBLE, 'volume_error'))
+Info = _sized_struct_class(
     'dd_deformer_info', "Facts about a bound surface",
     (_INT, 'vertex_count', 'triangle_count', 'handle_count', 'free_count', 'resting_count', 'resting_component_count',
      'resting_example', 'loose_count', 'loose_example', 'degenerate_count', 'degenerate_example',
      'idle_handle_count', 'idle_handle_example', 'stand_in_count', 'unrepresented_count', 'unrepresented_example',
      'far_count', 'far_example', 'torn_count', 'torn_example', 'proxy_vertex_count', 'coarse_vertex_count'),
     (_DOUBLE, 'bind_seconds', 'bytes'))
-TransferOptions = _sized(
+TransferOptions = _sized_struct_class(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
     'pairs_of', 'formulation', 'anchor', 'placing', ('dd_precision', 'precision'), (_INT, 'threads'), 'gap',
     (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'), (Array(np.float64, 3, 4), 'placement'),
     (Array(np.int32), 'point_triangles'), (_SIZE, 'point_triangle_count'), (Array(np.float32, 3), 'point_weights'),
     (_SIZE, 'point_weight_count'))
-ApplyOptions = _sized('dd_apply_options', "What a transferred pose depends on beside the source's",
-                      'gradients', ('dd_values', 'values'), (_POINTS, 'places'))
-TransferInfo = _sized(
+ApplyOptions = _sized_struct_class('dd_apply_options', "What a transferred pose depends on beside the source's",
+                                   'gradients', ('dd_values', 'values'), (_POINTS, 'places'))
+TransferInfo = _sized_struct_class(
     'dd_transfer_info', "Facts about a source and a target that correspond",
     (_INT, 'unmatched_count', 'unmatched_example', 'unmatched_component_count', 'unmatched_component_example',
      'loose_count', 'degenerate_count', 'degenerate_example', 'overstretched_count', 'overstretched_example',
      'through_count', 'through_example', 'mirrored', 'unknowns'), (_DOUBLE, 'nonzeros', 'worn_distance'),
     (_DOUBLE * 12, 'placement'))
-MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
-                      (_DOUBLE, 'smoothness', 'identity', 'reach'), (Array(np.float64, 3, 4), 'stance'))
-MatchInfo = _sized('dd_match_info', "Facts about a correspondence that was found", (_INT, 'ambiguous', 'mirrored'),
-                   (_DOUBLE, 'confidence'))
-MeasureOptions = _sized('dd_measure_options', "The base that normals are measured against",
-                        (_POINTS, 'base', 'deformed_base'))
-Measures = _sized('dd_measures', "How a deformed surface compares with the one at rest",
-                  (_INT, 'intersecting_pairs', 'new_intersecting_pairs', 'intersecting_triangles'),
-                  (_DOUBLE, 'stretch', 'normal_error', 'area_ratio', 'volume_ratio'))
+MatchOptions = _sized_struct_class('dd_match_options', "How correspondences are searched for",
+                                   (_INT, 'stages', 'rounds', 'threads'),
+                                   (_DOUBLE, 'smoothness', 'identity', 'reach'), (Array(np.float64, 3, 4), 'stance'))
+MatchInfo = _sized_struct_class('dd_match_info', "Facts about a correspondence that was found",
+                                (_INT, 'ambiguous', 'mirrored'),
+                                (_DOUBLE, 'confidence'))
+MeasureOptions = _sized_struct_class('dd_measure_options', "The base that normals are measured against",
+                                     (_POINTS, 'base', 'deformed_base'))
+Measures = _sized_struct_class('dd_measures', "How a deformed surface compares with the one at rest",
+                               (_INT, 'intersecting_pairs', 'new_intersecting_pairs', 'intersecting_triangles'),
+                               (_DOUBLE, 'stretch', 'normal_error', 'area_ratio', 'volume_ratio'))
 STRUCTS = {kind.__name__: kind for kind in (
     Points, PointsOut, Mesh, Failure, Progress, BindOptions, RefinementOptions, NormalOptions, VolumesOptions,
     ExamplesOptions, UpdateOptions, UpdateInfo, Info, TransferOptions, ApplyOptions, TransferInfo, MatchOptions,
     MatchInfo, MeasureOptions, Measures)}
 OPTIONS = {name: kind for name, kind in STRUCTS.items() if name.endswith('_options')}
 
-# Settings of one method are in a struct of its own, where their names needn't say of which: {an update's keyword: (the
-# field that points to it, its field there)}.
-OF_METHODS = {
+# {keyword of an update: (field of dd_update_options, field of the struct that it points to)} for the settings of single
+# methods: each method has a struct of its own, in which the names don't repeat the method's.
+METHOD_FIELDS = {
     'refine': ('refinement', 'iterations'), 'rotation_smoothing': ('refinement', 'rotation_smoothing'),
     'rim_smoothing': ('refinement', 'rim_smoothing'), 'levels': ('normal', 'levels'),
     'volume_iterations': ('volumes', 'iterations'), 'volume_tolerance': ('volumes', 'tolerance'),

@@ -4,13 +4,13 @@
 import numpy as np
 
 from .loading import call, filled
-from .structs import Measures, MeasureOptions, mesh, numbers, points
+from .structs import MeasureOptions, Measures, contiguous, mesh, points
 
 
 def measure(rest, deformed, triangles, roles, base=None, deformed_base=None):
     """Measures of a deformation; all positions (n, 3), roles as for Bind."""
     found = Measures()
-    roles = numbers('roles', roles, np.int32)
+    roles = contiguous('roles', roles, np.int32)
     call('dd_mesh_measure', mesh(rest, triangles), roles, len(roles), points('deformed', deformed),
          filled(MeasureOptions, base=base, deformed_base=deformed_base), found)
     return found
@@ -19,7 +19,7 @@ def measure(rest, deformed, triangles, roles, base=None, deformed_base=None):
 def distances(positions, triangles, sources):
     """(n,) float32: over the surface, from the nearest source; infinite where no triangles lead.
     positions: (n, 3); triangles: (m, 3); sources: (n,) bool."""
-    sources = numbers('sources', sources, np.int32)
+    sources = contiguous('sources', sources, np.int32)
     found = np.empty(len(positions), np.float32)
     call('dd_mesh_distances', mesh(positions, triangles), sources, len(sources), found, len(found))
     return found

@@ -6,14 +6,14 @@ import threading
 
 import numpy as np
 
-from .jobs import Job, Made
+from .jobs import Job, JobResult
 from .loading import call, call_when_free, count, filled
-from .structs import (ApplyOptions, MatchInfo, MatchOptions, TransferInfo, TransferOptions, mesh, numbers, points,
+from .structs import (ApplyOptions, MatchInfo, MatchOptions, TransferInfo, TransferOptions, contiguous, mesh, points,
                       points_out)
 
 
 def _pairs(values):
-    return None if values is None else numbers('pairs', values, np.int32, 2)
+    return None if values is None else contiguous('pairs', values, np.int32, 2)
 
 
 class TransferJob(Job):
@@ -31,10 +31,10 @@ class TransferJob(Job):
         return Transfer(job=self)
 
 
-class Transfer(Made):
+class Transfer(JobResult):
     """A source and a target that correspond, factored: dd_transfer. One pose at a time."""
 
-    take, free = 'dd_job_take_transfer', 'dd_transfer_free'
+    take_function, free = 'dd_job_take_transfer', 'dd_transfer_free'
 
     def __init__(self, *meshes_and_pairs, job=None, **options):
         """Waits for a job, or for one of these arguments."""
@@ -55,8 +55,8 @@ class Transfer(Made):
         return found
 
 
-class _Found(Made):
-    take, free = 'dd_job_take_match', 'dd_match_free'
+class _Found(JobResult):
+    take_function, free = 'dd_job_take_match', 'dd_match_free'
 
 
 class Match(Job):

@@ -99,7 +99,8 @@ class LongOperator(MeshOperator):
     progress and Esc; else it runs to its end at once."""
     task = ""  # text for the status bar
     interactive = False
-    keeps_partial_work = False  # whether cancelling keeps a part of the work: then the operator finishes, with an undo step
+    # Whether cancelling keeps a part of the work: then the operator finishes, with an undo step.
+    keeps_partial_work = False
     _work = _progress = None
 
     def frame_range(self, context):

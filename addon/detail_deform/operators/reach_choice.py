@@ -8,7 +8,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d, region_2d_to_location_3d
 from mathutils import Vector
 
-from ..library.options import FALLOFF_ORDERS, FALLOFFS
+from ..library.options import FALLOFFS, FALLOFF_ORDERS
 from .reach_drawing import ReachDrawing
 
 _WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
@@ -28,8 +28,9 @@ class ReachChoice:
     """Pass the window's events to handle_event() until it returns an answer, then call close()."""
 
     def __init__(self, context, view, ob, surface, earlier, event, stay=False, falloff='MESH'):
-        """surface: a region_setup.SurfaceDistances, whose distances are computed once. earlier: [pulling.EarlierHandles]. stay: return to
-        Edit Mode afterwards; Tab toggles it. falloff: one of FALLOFFS; S cycles through them."""
+        """surface: a region_setup.SurfaceDistances, whose distances are computed once. earlier:
+        [pulling.EarlierHandles]. stay: return to Edit Mode afterwards; Tab toggles it. falloff: one of FALLOFFS; S
+        cycles through them."""
         self.stay, self.falloff, self._mesh_smoothness = stay, falloff, ob.detail_deform.smoothness
         self.surface, self._view, self._units = surface, view, context.scene.unit_settings
         self._guessed = self._mouse_radius = surface.suggested_radius()
@@ -121,7 +122,8 @@ class ReachChoice:
         self._is_near |= (self._mouse - middle).length <= (self._extent + self.radius) / unit
         if away < 0 and not self._is_near:
             return
-        self._mouse_radius = max(self._mouse_radius + unit * away * (_FINE if event.shift else 1), _MIN_RADIUS * self._guessed)
+        self._mouse_radius = max(self._mouse_radius + unit * away * (_FINE if event.shift else 1),
+                                 _MIN_RADIUS * self._guessed)
 
     def _type(self, event):
         if event.type == 'BACK_SPACE':

@@ -55,8 +55,8 @@ class ReachDrawing:
     """Draws into every 3D view until close(). The buffers are made once; another radius is another uniform."""
 
     def __init__(self, choice, surface, positions, others):
-        """positions: (n, 3) float32, the displayed positions of the vertices of around, in world units from the object's
-        origin. others: [vertices], what each of the choice's others moves."""
+        """positions: (n, 3) float32, the displayed positions of the vertices of around, in world units from the
+        object's origin. others: [vertices], what each of the choice's others moves."""
         self._choice, self._surface, self._positions, self._others = choice, surface, positions, others
         self._shader = self._batch = self._batches = None
         self._handles = [bpy.types.SpaceView3D.draw_handler_add(draw, (), 'WINDOW', kind)

@@ -61,7 +61,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
         mesh_data.check_left_edit_mode(source)
         rows = self._targets(context, source)
         common = self.request(context, source, **dict.fromkeys(_OF_TARGET), correspondence=self.correspondence,
-                             lists=self.lists, cache_path="")
+                              lists=self.lists, cache_path="")
         transfer.check(source, common)
         if self.what == 'ANIMATION' and self.bake_as == 'CACHE':
             point_cache.absolute('//')  # refuses a file that was never saved: the caches go beside it

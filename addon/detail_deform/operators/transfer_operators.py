@@ -75,7 +75,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
     def run(self, context, ob):
         source = _source_of(ob, self.source)
         wanted = self.request(context, source, **self._as_in_panel(ob.detail_deform.transfer),
-                             cache_path=self.cache_path)
+                              cache_path=self.cache_path)
         factored.begin_run()
         return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))
 
@@ -90,7 +90,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
             self.report({'INFO'}, sentence)
 
 
-declare(OBJECT_OT_detail_deform_transfer, [option.argument for option in TRANSFER_SETTINGS],
+declare(OBJECT_OT_detail_deform_transfer, [option.as_argument for option in TRANSFER_SETTINGS],
         flags_of=lambda option: PATH_OPTIONS if option.limits.get('subtype') == 'FILE_PATH' else {'SKIP_SAVE'})
 
 

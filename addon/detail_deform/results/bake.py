@@ -2,7 +2,7 @@
 """Bakes the deformation of a range of frames to a cache or shape keys, which play without the add-on."""
 
 from ..follow import life
-from ..scene import partial_evaluation, carried, mesh_data, node_group, offset_attribute, stack
+from ..scene import carried, mesh_data, node_group, offset_attribute, partial_evaluation, stack
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyframed_shape_keys, point_cache
 

@@ -103,7 +103,8 @@ class _ByHandles:
             motions[number] = np.eye(4)[:3]
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
         motions = proportions.bound(self._ob.detail_deform).motions(motions)
-        found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._update_arguments), self._deformer.fades)
+        found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._update_arguments),
+                               self._deformer.fades)
         return np.linalg.norm(self._rest + found.reshape(-1, 3) - positions, axis=1)[self._is_free]
 
     def on_all_vertices(self, errors):

@@ -27,7 +27,8 @@ def at_keys(ob):
     """[Pose] at the keyframes of the objects that its posing modifiers refer to, or else of its own. Raises MeshProblem
     if there are none."""
     carriers = list(dict.fromkeys(m.object for m in posers.of(ob) if getattr(m, 'object', None)))
-    found = sorted({time for carrier in carriers for time in actions.keyframe_times(carrier)}) or actions.keyframe_times(ob)
+    found = sorted({time for carrier in carriers
+                    for time in actions.keyframe_times(carrier)}) or actions.keyframe_times(ob)
     if not found:
         names = ', '.join(f"'{carrier.name}'" for carrier in (*carriers, ob))
         raise MeshProblem(f"No action of {names} has keys: choose a range of frames, or those that differ most.")

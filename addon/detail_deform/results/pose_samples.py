@@ -5,8 +5,8 @@ import numpy as np
 
 from ..scene import mesh_data
 
-_MAX_POINTS = 2000  # sample points
-_MAX_POINTS_OF_ALL = 4_000_000  # sample points of all poses together: 48 MB; a pose has 50 at least
+_MAX_POINTS = 2000  # of a pose
+_MAX_POINTS_OF_ALL = 4_000_000  # of all poses together: 48 MB; a pose has 50 at least
 
 
 class Samples:

@@ -6,7 +6,7 @@ import time
 
 from ..follow import factored, placed, prepared
 from ..library.options import CORRESPONDENCES
-from ..scene import partial_evaluation, correspondence, mesh_data, source_pose, transferred
+from ..scene import correspondence, mesh_data, partial_evaluation, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
 from . import frames, keyframed_shape_keys, point_cache, transferred_keys
@@ -93,8 +93,9 @@ def _matched_and_carried(context, source, target, keys, request):
     search = matching.find(request.correspondence, source, target, request.filepath, request.pairs_of)
     matched = yield from subprogress(search, 0, searched)
     transfer = yield from subprogress(factored.prepare(source, target, matched, prepared.How.of(request)), searched,
-                                factored_at)
-    outcome = yield from subprogress(_carry(context, _SeamClosingTransfer(transfer, target), source, target, keys, request), factored_at, 1)
+                                      factored_at)
+    outcome = yield from subprogress(
+        _carry(context, _SeamClosingTransfer(transfer, target), source, target, keys, request), factored_at, 1)
     if matching.needs_search(request.correspondence):
         correspondence.store(matched, source, target)
     outcome.matched_by = _TITLES[request.correspondence]

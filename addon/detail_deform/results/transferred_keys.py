@@ -96,7 +96,8 @@ def from_keys(prepared, source, target, keys, request):
     remarks = _remarks_on_renamed(target, made)
     if others:
         remarks.append(f"Got another shape than before, of another key or source: {listed(others)}.")
-    remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in user_changes.items() if names]
+    remarks += [f"Kept as it was changed here: {what} of {listed(names)}."
+                for what, names in user_changes.items() if names]
     remarks += _remarks_on_left(source, target, offsets.keys(), set(made.values()))
     if request.what == 'ALL_KEYS':
         remarks += _remarks_on_orphans(source, target)
@@ -104,10 +105,11 @@ def from_keys(prepared, source, target, keys, request):
 
 
 def _shapes(prepared, source, target, keys, target_names, rotation_only):
-    """Generator: yields the fraction done and returns ({key's name: offsets}, {key's name: why it has none}). target_names:
-    of key_names.target_names(). Raises MeshProblem if no key has offsets."""
+    """Generator: yields the fraction done and returns ({key's name: offsets}, {key's name: why it has none}).
+    target_names: of key_names.target_names(). Raises MeshProblem if no key has offsets."""
     offsets, left_out = {}, {}
-    # Only by groups that the target lacks: the others mask the target's key itself.
+    # The target's key gets the group's name as its own mask where the target has such a group. Only masks by other
+    # groups are applied to the shape before it is transferred.
     masks = mesh_data.key_masks(source, [key for key in keys if key.vertex_group not in target.vertex_groups])
     for number, key in enumerate(keys, 1):
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""F-curves and keys of actions, with and without action slots; saving and restoring what a pose overwrites."""
+"""F-curves and keyframes of actions, with and without action slots; saving and restoring what a pose overwrites."""
 
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ def curves(action, slot=None):
 
 
 def is_driven(owner, name):
-    """Whether a driver sets this property, so that keys have no effect on it."""
+    """Whether a driver sets this property, so that keyframes have no effect on it."""
     animation = owner.id_data.animation_data
     return bool(animation and animation.drivers.find(owner.path_from_id(name)))
 
@@ -33,7 +33,8 @@ def is_animated(owner, name):
 
 
 def keyframe_times(ob):
-    """[float], sorted: the frames, possibly fractional, of all keys in an object's active action and NLA strips."""
+    """[float], sorted: the frames, possibly fractional, of all keyframes in an object's active action and NLA
+    strips."""
     animation = ob.animation_data
     if not animation:
         return []
@@ -57,7 +58,7 @@ def _strips(animation):
 
 
 def _scene_times(strip, of_action):
-    """Generator: the scene frames at which an NLA strip plays these key times of its action, with its repeats."""
+    """Generator: the scene frames at which an NLA strip plays these keyframe times of its action, with its repeats."""
     begin, end = strip.action_frame_start, strip.action_frame_end
     inside = [end + begin - time if strip.use_reverse else time for time in of_action if begin <= time <= end]
     length = (end - begin) * strip.scale
@@ -69,8 +70,8 @@ def _scene_times(strip, of_action):
 
 
 def insert_keyframes(owner, name, start, values):
-    """Inserts one key a frame from start, and replaces the keys in that range. The property itself isn't set, as each
-    assignment would trigger its update callback."""
+    """Inserts a keyframe in each frame from start, and replaces those in that range. The property itself isn't set, as
+    each assignment would trigger its update callback."""
     owner.keyframe_insert(name, frame=start)  # creates animation data, action, slot and curve where missing
     animation, path = owner.id_data.animation_data, owner.path_from_id(name)
     curve = next(curve for curve in curves(animation.action, getattr(animation, 'action_slot', None))
@@ -85,7 +86,8 @@ def insert_keyframes(owner, name, start, values):
 
 
 def single_pose_actions(actions, rig):
-    """Generator of (action, frame): the actions that key a single frame of bones, at least one of which rig has."""
+    """Generator of (action, frame): the actions with keyframes of bones in a single frame, at least one of which rig
+    has."""
     for action in actions:
         keyed = [curve for curve in curves(action) if curve.data_path.startswith('pose.bones["')]
         frames = {round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points}
@@ -95,11 +97,11 @@ def single_pose_actions(actions, rig):
 
 class RestoredPose:
     """Context manager that saves transforms, pose channels and custom properties and restores them on exit, so that
-    changes of frame and applied poses don't lose values without keys."""
+    changes of frame and applied poses don't lose values without keyframes."""
 
     def __init__(self, scene, rigs=(), applied=()):
         """rigs: armature objects to save whether or not they are animated, beside all animated local objects. applied:
-        actions that will be applied to rigs; all properties that they key are saved too."""
+        actions that will be applied to rigs; all properties that they animate are saved too."""
         owners = {*rigs, *(ob for ob in scene.objects if ob.animation_data and not ob.library)}
         self._owners = [*owners, *(bone for ob in owners if ob.pose for bone in ob.pose.bones)]
         paths = dict.fromkeys(curve.data_path for action in applied for curve in curves(action))

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Transforms the data stored in an object's local space after Set Origin or Apply has changed that space.
 
-Both transform all vertices by one affine map and the object by its inverse, so nothing moves in the world. Rest places
-of handles, offsets and the base's rest are stored in local space and must be transformed too. The map is recovered from
-sample vertices whose positions are stored at Bind, as text that is saved and undone with the object.
-"""
+Both transform all vertices by one affine map and the object by its inverse, so nothing moves in the world. Rest
+transforms of handles, offsets and the base's rest are stored in local space and must be transformed too. The map is
+recovered from sample vertices whose positions are stored at Bind, as text that is saved and undone with the object. """
 
 import numpy as np
 
 from . import handle_matrices, mesh_data, offset_attribute, outside_base
-from .offset_attribute import PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS, DISPLAYED_OFFSETS
+from .offset_attribute import DISPLAYED_OFFSETS, PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS
 
-_SAMPLES = 64  # sample vertices, evenly spaced by index; an affine map needs four in general position, more reveal edits
+_SAMPLES = 64  # vertices, evenly spaced by index; an affine map needs four in general position, more reveal edits
 # Fraction of the samples' largest extent (along an axis): residuals below it count as single-precision rounding of an
 # affine map, residuals above it as an edit.
 _EXACT = 1e-5
@@ -31,8 +30,9 @@ def _samples(mesh):
 
 
 def space_change(mesh, stored):
-    """(4, 4): the affine map from the positions in kept, of sample_points(), to the present ones. None where that is the
-    identity up to rounding, where the vertices were edited, or where stored is unreadable or too flat to tell it."""
+    """(4, 4): the affine map from the positions in stored, of sample_points(), to the present ones. None where that is
+    the identity up to rounding, where the vertices were edited, or where stored is unreadable or too flat to tell
+    it."""
     try:
         before = np.frombuffer(bytes.fromhex(stored), np.float32).reshape(-1, 3).astype(np.float64)
     except (TypeError, ValueError):  # the file was modified by something else
@@ -74,8 +74,8 @@ def _affine(before, after):
 
 
 def moved_with_space(change, before, now):
-    """Whether places moved with the vertices by motion, as after Set Origin, or stayed fixed in the object's space, as
-    where all vertices were moved in Edit Mode. before, now: (k, 4, 4) places in the object's space."""
+    """Whether empties moved with the vertices by change, as after Set Origin, or stayed where they were in the object's
+    space, as where all vertices were moved in Edit Mode. before, now: (k, 4, 4) transforms in the object's space."""
     return np.linalg.norm(now - change @ before) < np.linalg.norm(now - before)
 
 
@@ -111,15 +111,15 @@ def carry(ob, change):
 
 
 def transforms(ob, depsgraph):
-    """(k, 4, 4) float64: the present places, in the object's space, of the base object or of the empties of the enabled
-    handles. Raises MeshProblem."""
+    """(k, 4, 4) float64: the present transforms, in the object's space, of the base object or of the empties of the
+    enabled handles. Raises MeshProblem."""
     if ob.detail_deform.base == 'OBJECT':
         return outside_base.transform(ob, depsgraph)[None]
     return handle_matrices.transforms_of(ob, handle_matrices.with_empties(ob.detail_deform), depsgraph)
 
 
 def rest_transforms(settings):
-    """(k, 4, 4) float64: the rest places of the same."""
+    """(k, 4, 4) float64: the rest transforms of the same."""
     if settings.base == 'OBJECT':
         return np.array(settings.base_rest_matrix, np.float64).reshape(1, 4, 4)
     return np.array([handle_matrices.rest_transform(handle) for handle in handle_matrices.with_empties(settings)])

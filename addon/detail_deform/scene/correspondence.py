@@ -93,8 +93,8 @@ def store(matched, source, target):
     """Stores a correspondence in a custom property of the target's mesh, with the signatures of both topologies, which
     fits() compares."""
     record = {'source': source.name, 'pairs_of': matched.pairs_of, 'digest': digest_of(matched),
-            'source_topology': mesh_data.topology_signature(source.data),
-            'target_topology': mesh_data.topology_signature(target.data)}
+              'source_topology': mesh_data.topology_signature(source.data),
+              'target_topology': mesh_data.topology_signature(target.data)}
     if matched.pairs_of == NEAREST:  # the nearest points themselves are searched for at preparation
         record.update(stance=matched.relative_transform.ravel().tolist(), **_present_points(source, target))
     else:  # With the triangles: Blender's triangulation of n-gons depends on their shape, which may change.

@@ -6,7 +6,7 @@ empty is placed. With a single armature the motion of the empty's bone is used i
 
 import numpy as np
 
-from . import partial_evaluation, mesh_data, node_group, skin, stack, start
+from . import mesh_data, node_group, partial_evaluation, skin, stack, start
 
 # These add displacements of their own to the positions, so a pull keeps its direction through them. All others map
 # positions to positions, and so rotate a pull too.
@@ -36,8 +36,8 @@ def positions(ob, depsgraph):
 
 
 def similarities(ob, parts, depsgraph):
-    """[(4, 4) float64]: for each array of vertices in parts the similarity from start.deformed_positions() to the displayed
-    positions. [None, …] where they are the same, a bone's motion is used instead, or it can't be measured."""
+    """[(4, 4) float64]: for each array of vertices in parts the similarity from start.deformed_positions() to the
+    displayed positions. [None, …] where they are the same, a bone's motion is used instead, or it can't be measured."""
     unknown = [None] * len(parts)
     if not needs_measuring(ob):
         return unknown
@@ -50,7 +50,8 @@ def similarities(ob, parts, depsgraph):
     end = modifiers.index(own) + 1 if own else stack.index_of_its_place(ob)
     adders = [use and k >= end and m.type in _ADD_DISPLACEMENTS for k, (m, use) in enumerate(zip(modifiers, used))]
     before = partial_evaluation.positions_with(ob, depsgraph, [use and k < end for k, use in enumerate(used)])
-    mapped = partial_evaluation.positions_with(ob, depsgraph, np.array(used) & ~np.array(adders)) if any(adders) else after
+    mapped = partial_evaluation.positions_with(
+        ob, depsgraph, np.array(used) & ~np.array(adders)) if any(adders) else after
     if before is None or mapped is None or not np.isfinite([before, mapped, after]).all():
         return unknown
     visible = start.deformed_positions(ob)

@@ -9,8 +9,8 @@ from .mesh_data import MeshProblem
 
 
 # The properties of a handle that a binding sets.
-BINDING_PROPERTIES = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space',
-        'pose_matrix')
+BINDING_PROPERTIES = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order',
+                      'mirror_space', 'pose_matrix')
 
 
 def enabled_handles(settings):
@@ -63,8 +63,8 @@ def evaluated_world(ob, depsgraph, what):
 
 
 def _evaluated_worlds(named, depsgraph, is_absent=None):
-    """(k, 4, 4) float64: evaluated world matrices. named: [(object, what messages call it)]. is_absent: (k,) bool, whether
-    each is not in_scene(), if known. Raises MeshProblem."""
+    """(k, 4, 4) float64: evaluated world matrices. named: [(object, what messages call it)]. is_absent: (k,) bool,
+    whether each is not in_scene(), if known. Raises MeshProblem."""
     rows = []
     for number, (ob, what) in enumerate(named):
         if is_absent[number] if is_absent is not None else not in_scene(ob, depsgraph):
@@ -100,18 +100,20 @@ def world_to_local(ob, depsgraph):
 
 
 def local_transforms(ob, depsgraph, pose_matrices=None, last=None):
-    """(h, 4, 4) float32: the evaluated place of each enabled handle's empty in the object's local space, with the pose
-    of its bone and of modifiers undone. The identity for handles that mirror another. pose_matrices: {number: pose_matrix_beside_bone()},
-    replaces a handle's stored pose. last: as for transforms_of(). Raises MeshProblem that names the handle."""
+    """(h, 4, 4) float32: the evaluated transform of each enabled handle's empty in the object's local space, with the
+    motion of its bone and of modifiers (pose_matrix) undone. The identity for handles that mirror another.
+    pose_matrices: {number: pose_matrix_beside_bone()}, replaces a handle's stored pose. last: as for transforms_of().
+    Raises MeshProblem that names the handle."""
     handles = enabled_handles(ob.detail_deform)
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
     transforms = np.empty((len(handles), 4, 4), np.float32)
     transforms[:] = np.eye(4)  # stays for handles that mirror another
     posed = _of_enabled(ob.detail_deform, 'pose_matrix', 16).any(axis=1)
     transforms[own] = transforms_of(ob, [handles[number] for number in own], depsgraph,
-                            [(pose_matrices or {}).get(number, _stored_pose_matrix(handles[number]) if posed[number] else None)
-                             for number in own],
-                            last if last is not None and len(last) == len(own) else None)
+                                    [(pose_matrices or {}).get(
+                                        number, _stored_pose_matrix(handles[number]) if posed[number] else None)
+                                     for number in own],
+                                    last if last is not None and len(last) == len(own) else None)
     return transforms
 
 
@@ -121,14 +123,15 @@ def local_transform(ob, handle, depsgraph):
 
 
 def transforms_of(ob, handles, depsgraph, pose_matrices=None, last=None):
-    """(k, 4, 4) float64: local places of handles with empties, as of local_transforms(). A bound handle whose empty was
-    deleted stays at the empty's last place.
+    """(k, 4, 4) float64: local transforms of handles with empties, as of local_transforms(). A bound handle whose empty
+    was deleted stays at the empty's last transform.
 
-    pose_matrices: one (4, 4) or None for each handle, replaces the stored pose. last: the previous result, used for handles of
-    whose empty nothing is left; without it they are at rest. Raises MeshProblem."""
+    pose_matrices: one (4, 4) or None for each handle, replaces the stored pose matrix. last: the previous result, used
+    for handles of whose empty nothing is left; without it they are at rest. Raises MeshProblem."""
     transforms, whereabouts = np.empty((len(handles), 4, 4)), ObjectPresence(depsgraph)
     is_absent = [handle.target is None or not whereabouts.is_in_scene(handle.target) for handle in handles]
-    is_deleted = [is_out and has_rest(handle) and whereabouts.is_deleted(handle.target) for is_out, handle in zip(is_absent, handles)]
+    is_deleted = [is_out and has_rest(handle) and whereabouts.is_deleted(handle.target)
+                  for is_out, handle in zip(is_absent, handles)]
     for handle in handles:
         if handle.target is None and not has_rest(handle):
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
@@ -196,7 +199,8 @@ def _space_owners(ob, handles):
 
 
 def _stored_pose_matrix(handle):
-    """(4, 4): pose_matrix_beside_bone() from when the handle's empty was placed; None if there is none or it is malformed."""
+    """(4, 4): pose_matrix_beside_bone() from when the handle's empty was placed; None if there is none or it is
+    malformed."""
     if not any(handle.pose_matrix):
         return None
     pose = np.array(handle.pose_matrix, np.float64).reshape(4, 4)
@@ -212,8 +216,9 @@ def pose_matrix_of(handle):
 
 
 def pose_matrix_beside_bone(ob, empty, motion, depsgraph):
-    """(4, 4): the rest of a motion of displayed.similarities() after that of the bone that carries the empty, if any, is divided
-    out: bone⁻¹ motion. None where motion is None or the bone's is singular. Raises MeshProblem."""
+    """(4, 4): the pose matrix for this motion, of displayed.similarities(): bone⁻¹ motion, as the motion of the bone
+    that carries the empty, if any, is applied in every frame. None where motion is None or the bone's is singular.
+    Raises MeshProblem."""
     if motion is None:
         return None
     bone = skin.bone_motion_of(ob, empty, depsgraph)
@@ -229,9 +234,9 @@ def set_pose_matrix(handle, pose):
 
 
 def rest_transforms(ob, transforms, roles, depsgraph):
-    """(h, 4, 4) float32: rest places of the empties: their present ones, except on bones of a disabled armature, which
-    no longer poses the mesh. There it is the present place or that with the bone at rest, whichever is nearer to the
-    centroid of the handle's vertices. roles: (n,) of the binding."""
+    """(h, 4, 4) float32: rest transforms of the empties: their present ones, except on bones of a disabled armature,
+    which no longer poses the mesh. There it is the present one or that with the bone at rest, whichever is nearer to
+    the centroid of the handle's vertices. roles: (n,) of the binding."""
     result, rest = transforms.copy(), None
     for number, handle in enumerate(enabled_handles(ob.detail_deform)):
         if handle.mirrors or handle.target is None or handle.target.parent_type != 'BONE':
@@ -248,7 +253,7 @@ def rest_transforms(ob, transforms, roles, depsgraph):
 
 
 def mirror_sources(handles):
-    """Generator of (number, number of its source) for the handles that mirror another one. Raises MeshProblem."""
+    """Generator of (index, index of its source) for the handles that mirror another one. Raises MeshProblem."""
     for number, handle in enumerate(handles):
         if not handle.mirrors:
             continue
@@ -285,13 +290,12 @@ def _in_mirror_space(handle, flip):
 
 
 def motions(settings, transforms):
-    """(h, 3, 4) float64: affine motion of each enabled handle from rest to places, in the object's local space. transforms:
-    (h, 4, 4) float32 of local_transforms(). Raises MeshProblem.
+    """(h, 3, 4) float64: affine motion of each enabled handle from rest to transforms, in the object's local space.
+    transforms: (h, 4, 4) float32 of local_transforms(). Raises MeshProblem.
 
-    Both places are relative to the object, as for Blender's Hook modifier: moving the object together with its empties
-    moves no vertex. Both are rounded to single precision, so that an empty that did not move gives the identity
-    without any rounding error.
-    """
+    Rest and present transform are relative to the object, as for Blender's Hook modifier: moving the object together
+    with its empties moves no vertex. Both are rounded to single precision, so that an empty that did not move gives the
+    identity without any rounding error. """
     rests = _rest_transforms(settings)
     for number in np.flatnonzero(_are_singular(rests)):
         raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it "
@@ -327,7 +331,7 @@ def _rest_transforms(settings):
 
 
 def _with_mirrored(settings, transforms):
-    """(h, 4, 4) float64: the places, with those of handles that mirror another from _mirrored_transform()."""
+    """(h, 4, 4) float64: the transforms, with those of handles that mirror another from _mirrored_transform()."""
     handles, result = enabled_handles(settings), transforms.astype(np.float64)
     for number, source in mirror_sources(handles):
         result[number] = _mirrored_transform(handles[number], handles[source], result[source])
@@ -335,8 +339,8 @@ def _with_mirrored(settings, transforms):
 
 
 def _mirrored_transform(handle, source, transform):
-    """(4, 4): the source's motion from its home to place, mirrored; for a symmetric handle, made its own mirror image.
-    It serves as the place of the mirroring handle, which has none of its own."""
+    """(4, 4): the source's motion from its home to transform, mirrored; for a symmetric handle, made its own mirror
+    image. It serves as the transform of the mirroring handle, which has none of its own."""
     if not has_home(source):
         return np.eye(4)
     motion = transform @ np.linalg.inv(home_transform(source))
@@ -403,8 +407,8 @@ def has_rest(handle):
 
 
 def rest_transform(handle):
-    """(4, 4): the place relative to which the handle's motion is measured. For one that mirrors another: the motion of
-    its vertices from home to the start of the binding. The identity if none is stored."""
+    """(4, 4): the transform relative to which the handle's motion is measured. For one that mirrors another: the motion
+    of its vertices from home to the start of the binding. The identity if none is stored."""
     return np.array(handle.rest_matrix, np.float64).reshape(4, 4) if has_rest(handle) else np.eye(4)
 
 
@@ -413,12 +417,14 @@ def has_home(handle):
 
 
 def home_transform(handle):
-    """(4, 4): the handle's place on the undeformed mesh; rest_transform(), unless it was bound to a deformed one."""
+    """(4, 4): the transform of the handle's empty where the mesh is undeformed: its rest, unless the handle was bound
+    to a deformed mesh."""
     return np.array(handle.home_matrix, np.float64).reshape(4, 4) if any(handle.home_matrix) else rest_transform(handle)
 
 
 def home_euler(handle, order):
-    """The empty's local rotation at home, as Euler angles of this order."""
+    """The empty's local rotation that belongs to home_transform(), as Euler angles of this order. With them an empty
+    that is put back gets the whole turns, which the matrix doesn't have."""
     _, euler, own = _stored_home(handle)
     return euler_angles.in_order(euler, own, order)
 
@@ -431,7 +437,8 @@ def _stored_home(handle):
 
 
 def home_to_store(handle):
-    """As _stored_home(); a matrix of zeros for handles that have no home or mirror another."""
+    """The values of home_matrix, home_euler and home_order that keep this handle's home when its rest is replaced:
+    those of _stored_home(), or a matrix of zeros for handles that have no home or mirror another."""
     if handle.mirrors or not has_home(handle):
         return [0.0] * 16, (0.0, 0.0, 0.0), ''
     return _stored_home(handle)
@@ -454,7 +461,8 @@ def check_rest(settings, transforms):
 
 
 def store_rest(settings, transforms, only_new):
-    """Stores these places as rest and home. only_new: as rest of handles without one; homes are kept."""
+    """Stores these transforms as rests, and removes the homes, which then are the same. only_new: stores only the rests
+    of handles that have none, and leaves homes as they are."""
     for handle, transform in zip(enabled_handles(settings), transforms):
         if not only_new:
             handle.property_unset('home_matrix')
@@ -464,7 +472,9 @@ def store_rest(settings, transforms, only_new):
 
 
 def make_present_rest(settings, transforms):
-    """Stores these places as rest. Homes are kept; a handle without one keeps its previous rest as its home."""
+    """Stores these transforms as rests of the enabled handles. Homes stay, and the previous rest of a handle becomes
+    its home if it has none. Disabled handles with an empty lose their rest: their transform when they are enabled again
+    becomes it."""
     found = dict(zip((handle.name for handle in enabled_handles(settings)), _with_mirrored(settings, transforms)))
     for handle in settings.handles:
         if has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
@@ -474,13 +484,13 @@ def make_present_rest(settings, transforms):
         if handle.enabled:
             _set_rest(handle, found[handle.name])
         elif not handle.mirrors:
-            handle.property_unset('rest_matrix')  # when enabled again, its then present place becomes its rest
+            handle.property_unset('rest_matrix')  # the transform that it has when it is enabled again becomes its rest
         elif source and source.name in found:
             _set_rest(handle, _mirrored_transform(handle, source, found[source.name]))
 
 
 def start_from_new_empty(ob, handle, depsgraph):
-    """Makes the place of a handle's new empty its rest, in place of its earlier empty's, and converts its home."""
+    """Makes the transform of a handle's new empty its rest, instead of its earlier empty's, and converts its home."""
     before, transform = rest_transform(handle), local_transform(ob, handle, depsgraph)
     if any(handle.home_matrix):
         set_home(handle, transform @ np.linalg.inv(before) @ home_transform(handle))
@@ -494,7 +504,8 @@ def _set_rest(handle, transform):
 
 
 def reset_rests_to_homes(settings):
-    """Resets the rest of every handle to its home."""
+    """Makes the home of every handle its rest again. Handles that mirror another lose theirs, which is the identity
+    then."""
     for handle in settings.handles:
         if handle.mirrors:
             handle.property_unset('rest_matrix')
@@ -504,10 +515,10 @@ def reset_rests_to_homes(settings):
 
 
 def turn_vectors(settings, transforms, depsgraph, proportions):
-    """(h, 3) float64: rotation vector, with whole turns, of each handle since rest, in the object's space transformed
-    by proportions, (3, 3). It is the sum of the changes of the empty's Euler channels, each about its present axis:
-    exact where only one channel turns. Zero where the rotation comes from elsewhere, such as quaternions or a parent:
-    whole turns can't be read from a matrix."""
+    """(h, 3) float64: the turn of each handle since rest: a rotation vector with whole turns, in the object's space
+    transformed by proportions, (3, 3). It is the sum of the changes of the empty's Euler channels since rest, each
+    times the channel's present axis: exact where only one channel changes, an estimate otherwise. Zero for an empty
+    that is rotated by a quaternion or a parent, as their matrix doesn't tell whole turns."""
     result = np.zeros((len(transforms), 3))
     handles = enabled_handles(settings)
     rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
@@ -526,7 +537,7 @@ def turn_vectors(settings, transforms, depsgraph, proportions):
             animated=target.animation_data is not None)
         basis = np.array(target.matrix_basis, np.float64)[:3, :3]
         if _are_singular(basis):
-            continue  # singular: it has no rotation
+            continue  # no axes can be read from it
         # From the empty's parent space to the object's. Axes of rotation are axial vectors: a reflection negates them.
         to_object = proportions @ transforms[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
         axes = np.sign(np.linalg.det(to_object)) * to_object @ euler_angles.channel_axes(euler, order)

@@ -119,8 +119,8 @@ def _anchors(rest, triangles, edges, in_face, vertices):
     root_parts = parts[index_of[ends]]
     counts = np.bincount(np.unique(np.stack([root_parts, roots]), axis=1)[0].astype(int), minlength=len(vertices))
     follows_nearest_face = (counts[parts] == 0) | (counts[parts] > _MAX_ROOTS)
-    rows, faces, weights = [np.flatnonzero(follows_nearest_face)], [_nearest_faces(rest, triangles, vertices[follows_nearest_face])], [
-        np.ones(follows_nearest_face.sum())]
+    rows, faces, weights = [np.flatnonzero(follows_nearest_face)], [
+        _nearest_faces(rest, triangles, vertices[follows_nearest_face])], [np.ones(follows_nearest_face.sum())]
     dangling = np.flatnonzero((counts > 0) & (counts <= _MAX_ROOTS))
     dangles_from_one = counts[parts] == 1
     if dangles_from_one.any():

@@ -125,8 +125,8 @@ def key_change(key, masks):
 
 
 def key_shape(ob, key, masks=None):
-    """(n, 3) float32: rest_positions() plus key_change() of this key, whatever key it is relative to. masks: as for key_change();
-    None: they are read."""
+    """(n, 3) float32: rest_positions() plus key_change() of this key, whatever key it is relative to. masks: as for
+    key_change(); None: they are read."""
     return rest_positions(ob.data) + key_change(key, key_masks(ob, [key]) if masks is None else masks)
 
 
@@ -348,9 +348,9 @@ def is_same_topology(mesh, other):
 
 
 def is_copy(mesh, other):
-    """As is_same_topology(), where the user has not declared the meshes to correspond. Unless the faces are in the same
-    order, vertices with the same index must also lie at similar places: a grid that is numbered from its other end has
-    the same topology and is no copy."""
+    """Whether other is a copy of mesh, possibly deformed, so that vertices with the same index correspond. Stricter
+    than is_same_topology(): unless the faces are in the same order, the shapes must be similar too. A grid whose
+    vertices are numbered from the other end has the same topology, but its vertices correspond in reverse."""
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or (

@@ -104,7 +104,7 @@ class Seams:
     """The seams at all planes of an object. roles: (n,) of the binding; None: all are free, as of a follower."""
 
     def __init__(self, ob, roles=None):
-        self.key = signature(ob)
+        self.signature = signature(ob)
         if roles is None:
             roles = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
         self._seams = [Seam(ob, roles, plane) for plane in _planes(ob)]

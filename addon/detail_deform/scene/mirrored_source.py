@@ -6,7 +6,7 @@ are told where a target lies over it."""
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from . import partial_evaluation, mesh_data, node_group
+from . import mesh_data, node_group, partial_evaluation
 
 _COPIERS = {'ARRAY', 'SCREW', 'NODES'}  # add surface whose correspondence to the source's vertices is unknown
 _SAMPLES = 500  # vertices of the target that are tested; bounds the time
@@ -55,7 +55,8 @@ class MirroredSource:
             mirrored = new_indices[triangles[is_separate[triangles].any(axis=1)]][:, ::-1]
             triangles = np.concatenate([triangles, mirrored])
             rest = np.concatenate([rest, reflected[is_separate]])
-            own, of_copy = np.concatenate([own, own[is_separate]]), np.concatenate([of_copy, of_copy[is_separate] + len(copies)])
+            own, of_copy = np.concatenate([own, own[is_separate]]), np.concatenate(
+                [of_copy, of_copy[is_separate] + len(copies)])
             copies += [flip @ copy for copy in copies]
         self.triangles, self.count = np.ascontiguousarray(triangles, np.int32), len(rest)
         self._copies, self._own_count = copies[1:], len(source.data.vertices)
@@ -74,8 +75,8 @@ class MirroredSource:
         return result
 
     def posed_with_reflections(self, source, pose, used, depsgraph):
-        """(m, 3) float32: with_reflections() a pose, (n, 3). If modifiers after Mirror, such as an armature, pose each half
-        differently, they are evaluated on both halves. used: (k,) bool, the modifiers that produced the pose."""
+        """(m, 3) float32: with_reflections() a pose, (n, 3). If modifiers after Mirror, such as an armature, pose each
+        half differently, they are evaluated on both halves. used: (k,) bool, the modifiers that produced the pose."""
         mirrors = [m.type == 'MIRROR' and m.show_viewport for m in source.modifiers]
         if True not in mirrors or not any(used[mirrors.index(True):]):
             return self.with_reflections(pose)  # also if Mirror has been hidden since: signature() notices that later
@@ -100,7 +101,8 @@ def unfollowed(source, followed, points, depsgraph):
         return ""
     shown = [use or (m.type == 'MIRROR' and m.show_viewport) for use, m in zip(copiers, source.modifiers)]
     some = points[np.linspace(0, len(points) - 1, min(_SAMPLES, len(points))).astype(int)].tolist()
-    followed_distances, all_distances = (_distances(some, *surface) for surface in (followed, partial_evaluation.surface_with(source, depsgraph, shown)))
+    followed_distances, all_distances = (_distances(some, *surface) for surface in (
+        followed, partial_evaluation.surface_with(source, depsgraph, shown)))
     if (all_distances < _MUCH_NEARER * followed_distances).mean() < _NOTABLE_FRACTION:
         return ""
     names = ', '.join(repr(m.name) for m, use in zip(source.modifiers, copiers) if use)

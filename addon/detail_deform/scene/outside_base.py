@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import partial_evaluation, handle_matrices, mesh_data, offset_attribute, start
+from . import handle_matrices, mesh_data, offset_attribute, partial_evaluation, start
 from .mesh_data import MeshProblem
 
 
@@ -106,7 +106,8 @@ def store_rest(ob, depsgraph, only_new):
         if rest_mesh and settings.base_rest_made == makes_vertices and len(rest_mesh.vertices) == count:
             return
         if not rest_mesh and not makes_vertices:
-            _store_rest_mesh(settings, base, base.data, np.array(settings.base_rest_matrix, np.float64).reshape(4, 4), False)
+            _store_rest_mesh(settings, base, base.data,
+                             np.array(settings.base_rest_matrix, np.float64).reshape(4, 4), False)
             return
     if makes_vertices and not mesh.polygons:
         raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
@@ -114,7 +115,8 @@ def store_rest(ob, depsgraph, only_new):
     # Rounded to the single precision in which it is stored, so that both are the same.
     settings.base_rest_matrix = present = present.astype(np.float32).ravel().tolist()
     forget_rest_mesh(settings)
-    _store_rest_mesh(settings, base, mesh if makes_vertices else base.data, np.array(present).reshape(4, 4), makes_vertices)
+    _store_rest_mesh(settings, base, mesh if makes_vertices else base.data, np.array(present).reshape(4, 4),
+                     makes_vertices)
 
 
 def _store_rest_mesh(settings, base, mesh, matrix, is_made):

@@ -15,9 +15,11 @@ MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE',
           'SIMPLE_DEFORM', 'SMOOTH', 'SOFT_BODY', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
 # Those whose effect on a point depends on its position and vertex groups alone, not on other points.
 _POINTWISE = {'ARMATURE', 'CURVE', 'LATTICE'}
+# Those that keep vertices and their positions.
 _KEEP_POSITIONS = {'DATA_TRANSFER', 'NORMAL_EDIT', 'TRIANGULATE', 'UV_PROJECT', 'UV_WARP', 'VERTEX_WEIGHT_EDIT',
-            'VERTEX_WEIGHT_MIX', 'VERTEX_WEIGHT_PROXIMITY', 'WEIGHTED_NORMAL'}  # keep vertices and their positions
-# Those that are taken to change the vertex count whatever their settings; for SUBSURF, MIRROR and ARRAY see _changes_count().
+                   'VERTEX_WEIGHT_MIX', 'VERTEX_WEIGHT_PROXIMITY', 'WEIGHTED_NORMAL'}
+# Those that are taken to change the vertex count whatever their settings; for SUBSURF, MIRROR and ARRAY see
+# _changes_count().
 _CHANGE_COUNT = {'EXPLODE', 'MULTIRES', 'PARTICLE_INSTANCE', 'REMESH', 'SCREW', 'SKIN', 'SOLIDIFY', 'WIREFRAME'}
 
 
@@ -130,7 +132,8 @@ def surface_with(ob, depsgraph, used):
 
 
 def _mesh_with(ob, depsgraph, used):
-    return _evaluated_mesh_with(ob.evaluated_get(depsgraph), depsgraph, _show_property(depsgraph), [bool(use) for use in used])
+    return _evaluated_mesh_with(ob.evaluated_get(depsgraph), depsgraph, _show_property(depsgraph),
+                                [bool(use) for use in used])
 
 
 @contextlib.contextmanager
@@ -154,7 +157,8 @@ def left_out(ob, depsgraph):
     first = _first_changing_count(ob, flag)
     if first is None and len(ob.evaluated_get(depsgraph).data.vertices) != len(ob.data.vertices):
         # One of several has changed the count. What comes after the last of them is lost whichever it was.
-        first = max((k for k, m in enumerate(ob.modifiers) if getattr(m, flag) and _may_change_count(ob, m)), default=None)
+        first = max((k for k, m in enumerate(ob.modifiers)
+                     if getattr(m, flag) and _may_change_count(ob, m)), default=None)
     if first is None:
         return ""
     used = _used_with_cut(ob, flag, first)

@@ -71,7 +71,8 @@ def bone_motion_of(ob, empty, depsgraph):
 def former_bone_motion_of(ob, empty, depsgraph):
     """bone_motion_of() with the disabled armatures from whose poses examples were made."""
     shown = _armatures(ob)
-    return _bone_motion_by(ob, empty, [m for m in posers.remembered(ob) if m.type == 'ARMATURE' and m not in shown], depsgraph)
+    return _bone_motion_by(ob, empty, [m for m in posers.remembered(ob)
+                                       if m.type == 'ARMATURE' and m not in shown], depsgraph)
 
 
 def _bone_motion_by(ob, empty, armatures, depsgraph):

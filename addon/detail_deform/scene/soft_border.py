@@ -29,6 +29,7 @@ def border_fractions(roles, distances):
 
 
 def fade_weights(fractions, width):
-    """(n,) float32: smoothstep of border_fractions() / width: 0 at the border, 1 from width on, with zero slope at both ends."""
+    """(n,) float32: smoothstep of border_fractions() / width: 0 at the border, 1 from width on, with zero slope at both
+    ends."""
     eased = np.minimum(fractions / np.float32(width), 1)
     return eased * eased * (3 - 2 * eased)

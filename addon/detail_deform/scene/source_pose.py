@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import partial_evaluation, mesh_data, node_group, offset_attribute
+from . import mesh_data, node_group, offset_attribute, partial_evaluation
 from .mesh_data import MeshProblem
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..library import native
 from . import components, mesh_data
 
-_SEPARATED = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is a separation, not rounding
+_SEPARATED = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is no rounding error
 _FOLDED = -0.99  # cosine of the angle between the normals at a seam: below it the sides are front and back of a card
 # Largest deviation of the displacements at one place from their mean, as a fraction of the mean's length: up to _CRACK
 # it is a crack, which is closed; from _PARTING on the sides move apart on purpose, and are kept. Between, blended.
@@ -30,7 +30,8 @@ def _find_representatives(ob, topology):
     if not len(pairs):  # nearly always: avoids reading the keys
         return None
     keys = [mesh_data.key_positions(key) for key in (mesh.shape_keys.key_blocks if mesh.shape_keys else ())]
-    return _cached((*content, 'keys', *map(mesh_data.signature, keys)), lambda: _representatives(pairs, positions, keys))
+    return _cached((*content, 'keys', *map(mesh_data.signature, keys)),
+                   lambda: _representatives(pairs, positions, keys))
 
 
 def _cached(content, find):

@@ -11,14 +11,15 @@ from . import node_group
 # Read positions from a file.
 _FILE_READERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
 # Modifiers that can't come after Geometry Nodes, and the consequence for users.
-_MUST_PRECEDE = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you sculpt",
-          'SOFT_BODY': "it doesn't feel the deformation: apply that first"}
+_MUST_PRECEDE = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you "
+                             "sculpt",
+                 'SOFT_BODY': "it doesn't feel the deformation: apply that first"}
 # What goes wrong if the deformation comes after a modifier of this type.
 _DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM', 'LATTICE',
               'MESH_DEFORM', 'SIMPLE_DEFORM', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
 _HARM_BEFORE = {'MIRROR': "its mirrored half moves the wrong way",
-          'SUBSURF': "what is pulled isn't smoothed by it",
-          **dict.fromkeys(_DEFORMERS, "the shape breaks where it bends or turns the mesh")}
+                'SUBSURF': "what is pulled isn't smoothed by it",
+                **dict.fromkeys(_DEFORMERS, "the shape breaks where it bends or turns the mesh")}
 
 
 def overwrites(modifier):
@@ -36,7 +37,8 @@ def overwrites(modifier):
 
 # Nodes that pass on the vertices of their first input.
 _PASS_VERTICES_ON = {'GeometryNodeSetPosition', 'GeometryNodeStoreNamedAttribute', 'GeometryNodeCaptureAttribute',
-            'GeometryNodeRemoveAttribute', 'GeometryNodeSetShadeSmooth', 'GeometryNodeSetMaterial', 'NodeReroute'}
+                     'GeometryNodeRemoveAttribute', 'GeometryNodeSetShadeSmooth', 'GeometryNodeSetMaterial',
+                     'NodeReroute'}
 
 
 def _sets_positions(node):
@@ -103,8 +105,8 @@ def _shown_before(ob, types):
 
 
 def misplaced_before(ob):
-    """[modifier]: those before the deformation's that belong after it. [] if a modifier of _MUST_PRECEDE prevents moving
-    it."""
+    """[modifier]: those before the deformation's that belong after it. [] if a modifier of _MUST_PRECEDE prevents
+    moving it."""
     if _shown_before(ob, _MUST_PRECEDE):
         return []
     found = _shown_before(ob, _HARM_BEFORE)
@@ -136,8 +138,8 @@ def why_misplaced(ob):
     found = misplaced_before(ob)
     if not found:
         return ""
-    return (f"'{found[-1].name}' comes before Detail Deform in the modifier stack, so {_HARM_BEFORE[found[-1].type]}: press "
-            "Move to Its Place.")
+    return (f"'{found[-1].name}' comes before Detail Deform in the modifier stack, so {_HARM_BEFORE[found[-1].type]}: "
+            "press Move to Its Place.")
 
 
 def names_kept_after(ob):

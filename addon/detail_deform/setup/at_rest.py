@@ -6,7 +6,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from ..follow import binding, life
-from ..scene import handle_matrices, mesh_data, displayed, skin
+from ..scene import displayed, handle_matrices, mesh_data, skin
 from . import empties
 
 
@@ -29,10 +29,11 @@ def _make_empties(context, ob, handles):
     parts = _parts_of(ob, handles)
     placed = empties.placements(ob, list(filter(len, parts)), align=False)
     for handle, part in zip(handles, parts):
-        place = ob.matrix_world @ Matrix((handle_matrices.pose_matrix_of(handle) @ handle_matrices.rest_transform(handle)).tolist())
+        world = ob.matrix_world @ Matrix(
+            (handle_matrices.pose_matrix_of(handle) @ handle_matrices.rest_transform(handle)).tolist())
         extent = next(placed)[1] if len(part) else 0.05 * max(ob.dimensions)
         size = max(extent, 1e-3)
-        empty, _ = empties.make(context, ob, handle.name, empties.without_shear(place, Vector((1, 1, 1))), size, ob)
+        empty, _ = empties.make(context, ob, handle.name, empties.without_shear(world, Vector((1, 1, 1))), size, ob)
         handle.target = handle.own_target = empty
     context.view_layer.update()
     depsgraph = context.evaluated_depsgraph_get()

@@ -74,8 +74,8 @@ def _shown_collections(layer):
 
 
 def make(context, ob, name, world, size, parent, bone=""):
-    """Creates an empty. Returns (empty, place): world is the world matrix that put_in_place() has yet to set, or None if it is
-    set already. bone: name of the parent's bone, if the parent is an armature."""
+    """Creates an empty. Returns (empty, place): world is the world matrix that put_in_place() has yet to set, or None
+    if it is set already. bone: name of the parent's bone, if the parent is an armature."""
     empty = bpy.data.objects.new(f"{ob.name} {name}", None)
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
@@ -107,8 +107,8 @@ def put_in_place(context, ob, made):
 
 def make_on_skin(context, ob, name, world, size, posed_by, motion, depsgraph, parented=True):
     """As make(), but where other modifiers display the handle's vertices. world: the world matrix before these
-    modifiers. posed_by: result of skin.Rigs.of(). motion: from displayed.similarities(). parented: make the empty a child of the
-    object, or of the bone with the largest mean weight on the vertices."""
+    modifiers. posed_by: result of skin.Rigs.of(). motion: from displayed.similarities(). parented: make the empty a
+    child of the object, or of the bone with the largest mean weight on the vertices."""
     rig, means = posed_by
     if motion is None and means:
         motion = skin.mean_bone_motion(ob, rig, means, depsgraph)
@@ -127,4 +127,5 @@ def without_shear(matrix, scale=None):
 
 
 def store_pose_matrix(ob, handle, motion, depsgraph):
-    handle_matrices.set_pose_matrix(handle, handle_matrices.pose_matrix_beside_bone(ob, handle.target, motion, depsgraph))
+    handle_matrices.set_pose_matrix(
+        handle, handle_matrices.pose_matrix_beside_bone(ob, handle.target, motion, depsgraph))

@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..follow import life
-from ..scene import handle_matrices, mesh_data, displayed, selection, skin, start, users
+from ..scene import displayed, handle_matrices, mesh_data, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
 from . import empties
 

@@ -123,7 +123,8 @@ def _fitted_distances(source, target, of_source, of_target):
     """Generator: yields the fraction done and returns the argument of doubtful_by_shape(), by a registration without
     markers."""
     source_shape, target_shape = proportions.shape(source), proportions.shape(target)
-    match = native.Match((source_shape, mesh_data.triangles(source.data)), (target_shape, mesh_data.triangles(target.data)),
+    match = native.Match((source_shape, mesh_data.triangles(source.data)),
+                         (target_shape, mesh_data.triangles(target.data)),
                          stages=2, rounds=1, stance=proportions.relative_transform(source, target))
     try:
         running = True
@@ -148,7 +149,7 @@ def search(source, target, of_source=None, of_target=None):
         return ()
     if len(both) < _MIN_MARKERS:
         distances = yield from _fitted_distances(source, target, *([of[number] for number in both]
-                                                           for of in (of_source, of_target)))
+                                                                   for of in (of_source, of_target)))
         return tuple(both[row] for row in doubtful_by_shape(distances))
     found = []
     for ob, of in ((source, of_source), (target, of_target)):

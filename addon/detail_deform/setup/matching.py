@@ -13,8 +13,9 @@ from ..scene import correspondence, files, mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
-_cached_match = ((), b'', None)  # memoized for transfers with other settings: (searched_for, standing, Matched)
-_REUSE_CONFIDENCE = 0.5  # mean confidence above which a match is kept though an object moved: saves a search, may miss a better fit
+_cached_match = ((), b'', None)  # for transfers with other settings: (searched_for, placement, Correspondence)
+# Mean confidence above which a match is reused though an object moved: saves a search, may miss a better fit.
+_REUSE_CONFIDENCE = 0.5
 
 _WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is."
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
@@ -39,9 +40,11 @@ def search(source, target):
     searched_for = (*map(mesh_data.signature, shapes), *(mesh_data.topology_signature(ob.data) for ob in sides),
                     pairs.tobytes())
     placement = _placement_key(shapes, stance)
-    if _cached_match[0] == searched_for and (_cached_match[1] == placement or _cached_match[2].confidence.mean() > _REUSE_CONFIDENCE):
+    if _cached_match[0] == searched_for and (
+            _cached_match[1] == placement or _cached_match[2].confidence.mean() > _REUSE_CONFIDENCE):
         return _cached_match[2]
-    matched = correspondence.Correspondence(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
+    matched = correspondence.Correspondence(
+        mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
     match = native.Match((shapes[0], matched.source_triangles), (shapes[1], matched.target_triangles), pairs,
                          stance=stance)
     try:

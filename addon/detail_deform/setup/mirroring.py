@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, kdtree
 
-from ..scene import handle_matrices, mesh_data, displayed, selection, skin, start
+from ..scene import displayed, handle_matrices, mesh_data, selection, skin, start
 from ..scene.mesh_data import MeshProblem
 from . import empties, handle_setup, region_setup
 

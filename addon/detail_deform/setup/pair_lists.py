@@ -61,7 +61,8 @@ def write_pairs(path, matched):
     unfinished = ""
     try:
         unfinished = files.unfinished(path)
-        np.savetxt(unfinished, matched.pairs, fmt='%d', header=f"{_HEADERS[matched.pairs_of]}, source and target, from 0")
+        np.savetxt(unfinished, matched.pairs, fmt='%d',
+                   header=f"{_HEADERS[matched.pairs_of]}, source and target, from 0")
         os.replace(unfinished, path)
     except OSError as error:
         files.remove_unfinished(unfinished)
@@ -71,7 +72,7 @@ def write_pairs(path, matched):
 def by_list(source, target, path, pairs_of):
     """The Matched of a file of pairs. Raises MeshProblem, also for numbers out of range."""
     matched = correspondence.Correspondence(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
-                                     read_pairs(path, pairs_of), None)
+                                            read_pairs(path, pairs_of), None)
     counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),
               'VERTICES': (len(source.data.vertices), len(target.data.vertices))}[pairs_of]
     outside = np.argwhere((matched.pairs < 0) | (matched.pairs >= counts))

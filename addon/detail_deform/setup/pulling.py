@@ -19,8 +19,8 @@ def may_set_region(ob):
 
 
 def selected_surroundings(ob):
-    """The region_setup.SurfaceDistances of the selected vertices and of their mirror images by Edit Mode's symmetry. Raises
-    MeshProblem."""
+    """The region_setup.SurfaceDistances of the selected vertices and of their mirror images by Edit Mode's symmetry.
+    Raises MeshProblem."""
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: {handle_setup.SELECT_FOR_HANDLE}.")
@@ -29,7 +29,7 @@ def selected_surroundings(ob):
 
 
 class EarlierHandles(NamedTuple):
-    """Earlier handles with one reach. A Pull whose radius includes any of their vertices shares their reach."""
+    """Earlier handles with one reach. A Pull whose radius includes any of their vertices moves what they move, too."""
     reach: str  # name of the group; '': they move the region
     held: Any  # numbers of the handles' vertices
     moved: Any  # numbers of the vertices of the reach or region, with or without those of the handles
@@ -117,8 +117,9 @@ class Pull:
                 self.remarks.append(remark)
 
     def _set_region(self):
-        """Sets what the new handles move: the region, if no handles share with this Pull or one within the radius moves
-        the region; else a reach, shared with those within the radius."""
+        """Sets what the new handles move. Earlier handles with a vertex within the radius share it: all of them and the
+        new ones then move the union of what they moved and the vertices within the radius. This is the region if there
+        are no earlier handles, or if one of those within the radius moves the region; otherwise it is a reach."""
         ob, settings = self._ob, self._ob.detail_deform
         earlier = earlier_handles(ob, self._count)
         handles = settings.handles[self._count:]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import handle_matrices, loose, mesh_data, displayed, selection, split, users
+from ..scene import displayed, handle_matrices, loose, mesh_data, selection, split, users
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import deformed_positions
 
@@ -13,8 +13,8 @@ _GROUP_NAME, _REACH_NAME = "Region", "Reach"
 # Default radius of the region, as a fraction of the diagonal of the mesh's box.
 _DEFAULT_RADIUS = 0.25
 # First guess of the radius around a selection: _DISK_RADII times the radius of a disk of its area, and at most the
-# default radius, which alone took half a head along with an ear. But at least _MIN_SIZE_FRACTION of the box's diagonal and
-# _MIN_EDGES mean edge lengths, so that something follows a single vertex.
+# default radius, which alone took half a head along with an ear. But at least _MIN_SIZE_FRACTION of the box's diagonal
+# and _MIN_EDGES mean edge lengths, so that something follows a single vertex.
 _DISK_RADII, _MIN_SIZE_FRACTION, _MIN_EDGES = 2.0, 0.04, 2.0
 
 
@@ -57,7 +57,8 @@ def snapshot(ob):
     if groups and ob.mode == 'EDIT':
         ob.update_from_editmode()
     members = dict(zip(groups, mesh_data.members_of_each(ob, groups)))
-    return RegionState(settings.region, settings.own_region, settings.pulled_region, settings.smoothness, reaches, members)
+    return RegionState(settings.region, settings.own_region, settings.pulled_region, settings.smoothness, reaches,
+                       members)
 
 
 def restore(ob, state):
@@ -129,10 +130,12 @@ class SurfaceDistances:
         self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
         self.positions = _from_origin(ob, deformed_positions(ob))
         self.triangles = mesh_data.triangles(ob.data)
-        self.distances = _with_loose(ob, self.triangles, split.WeldedMesh(ob).distances(self.positions, self.triangles, start))
+        self.distances = _with_loose(
+            ob, self.triangles, split.WeldedMesh(ob).distances(self.positions, self.triangles, start))
 
     def displayed_positions(self, ob, depsgraph):
-        """(n, 3) float32: as places, with the other modifiers applied where vertices can be followed through them."""
+        """(n, 3) float32: as positions, with the other modifiers applied where vertices can be followed through
+        them."""
         posed = displayed.positions(ob, depsgraph)
         return self.positions if posed is None else _from_origin(ob, posed)
 
@@ -154,8 +157,8 @@ class SurfaceDistances:
 
 
 def _with_loose(ob, triangles, distances):
-    """(n,) float32: the distances, with vertices in no face no farther than the face's vertex to which edges connect
-    them."""
+    """(n,) float32: the distances, but for vertices in no face at most that of the surface vertex to which edges
+    connect them: distances along the surface are infinite there, and a whisker belongs to the region of its root."""
     root_of = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
     return np.where(root_of >= 0, np.minimum(distances, distances[root_of]), distances)
 
