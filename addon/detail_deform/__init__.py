@@ -18,7 +18,7 @@ if any(name.startswith(f'{__name__}.') for name in sys.modules):
     from importlib import reload
 
     from . import reloading
-    reload(reloading).again(__name__, __path__[0])
+    reload(reloading).reload_modules(__name__, __path__[0])
 
 
 def _parts():

@@ -5,119 +5,48 @@ import bpy
 from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
-from . import transfer_settings
+from . import callbacks, transfer_settings
 from .declared import declare
-from .follow import binding, life, status
+from .follow import status
 from .library import options
-from .scene import outside_base
-from .ui import preview
-
-
-def _content_changed(self, context):
-    life.check(self.id_data)
-
-
-def _region_changed(self, context):
-    self.pulled_region = False
-    life.check(self.id_data)
-
-
-def _name_changed(self, context):
-    """Makes the name unique, and renames the handle in those that mirror it."""
-    others = [h for h in self.id_data.detail_deform.handles if h != self]
-    taken = {h.name for h in others}
-    if self.name in taken:
-        self.name = next(name for name in (f"{self.name}.{k:03d}" for k in range(1, 10000)) if name not in taken)
-        return  # the assignment has called this function again
-    earlier, self.earlier_name = self.earlier_name, self.name
-    for handle in others:
-        if earlier and handle.mirrors == earlier:
-            handle.mirrors = self.name
-
-
-def _target_changed(self, context):
-    binding.targets_changed(self.id_data)
-
-
-def _base_object_changed(self, context):
-    if self.base_object != self.base_rest_of:
-        outside_base.forget_rest(self)  # it belongs to the former base object
-    self.base_rest_of = self.base_object
-    _base_changed(self, context)
-
-
-def _base_changed(self, context):
-    life.check(self.id_data)
-    binding.targets_changed(self.id_data)
-
-
-def _preview_changed(self, context):
-    preview.forget()
-
-
-def _influence_changed(self, context):
-    binding.influence_changed(self.id_data)
-
-
-def _method_changed(self, context):
-    life.check(self.id_data)  # examples are content of one method only
-    _result_changed(self, context)
-
-
-def _result_changed(self, context):
-    life.refresh(self.id_data, context.evaluated_depsgraph_get())
-
-
-def _example_changed(self, context):
-    life.check(self.id_data)
-    _result_changed(self, context)
-
-
-def _weights_by_changed(self, context):
-    """Sets the sliders to the weights that the handles asked for, so that the pose is kept."""
-    if self.weights_by == 'SLIDERS' and status.weights_are_found(self.id_data):
-        found = [(example, example.found_weight) for example in self.examples if example.enabled]
-        for example, weight in found:
-            example.weight = weight
-    _result_changed(self, context)
-
 
 AXES = [(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
         for letter in 'XYZ']
 
 
 class DetailDeformHandle(bpy.types.PropertyGroup):
-    name: StringProperty(name="Name", description="Name of this handle", default="Handle", update=_name_changed)
+    name: StringProperty(
+        name="Name", description="Name of this handle", default="Handle", update=callbacks.name_changed)
     vertex_group: StringProperty(
-        name="Vertices", update=_content_changed,
+        name="Vertices", update=callbacks.content_changed,
         description="Vertex group that moves as one piece with the empty: the vertices with a weight over 0.5")
     reach: StringProperty(
-        name="Reach", update=_content_changed,
+        name="Reach", update=callbacks.content_changed,
         description="Vertex group of what this handle moves, beside its own vertices: nothing else follows it, and "
                     "those of other handles stay. Empty: it moves the region, together with other handles that do")
     falloff: EnumProperty(
-        name="Falloff", update=_content_changed, items=options.FALLOFFS, options=set(),
+        name="Falloff", update=callbacks.content_changed, items=options.FALLOFFS, options=set(),
         description="How what this handle's reach holds falls off from the handle to the border. Of handles that share "
                     "a reach the first one's counts")
     target: PointerProperty(
         name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type == 'EMPTY',
-        update=_target_changed,
+        update=callbacks.target_changed,
         description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained")
     mirrors: StringProperty(
-        name="Mirrors", update=_target_changed,
+        name="Mirrors", update=callbacks.target_changed,
         description="Handle whose motion this one mirrors, in place of an empty of its own: for symmetric editing")
     mirror_axis: EnumProperty(
-        name="Axis", update=_target_changed, items=AXES,
+        name="Axis", update=callbacks.target_changed, items=AXES,
         description="Axis of the object across which the motion is mirrored")
     symmetric: EnumProperty(
-        name="Symmetric", update=_result_changed, items=AXES, options={'ENUM_FLAG'},
+        name="Symmetric", update=callbacks.result_changed, items=AXES, options={'ENUM_FLAG'},
         description="Keep the motion of these vertices its own mirror image across these planes of the object: they "
                     "stay on the plane, as with Edit Mode's symmetry")
     turns: EnumProperty(
-        name="Turns", update=_result_changed, items=options.HANDLE_TURNS, options=set(),
+        name="Turns", update=callbacks.result_changed, items=options.HANDLE_TURNS, options=set(),
         description="What turns the vertices of this handle")
     enabled: BoolProperty(
-        name="Enabled", default=True, update=_content_changed,
+        name="Enabled", default=True, update=callbacks.content_changed,
         description="Let this handle hold and move its vertices. Without it they follow the others like the rest of "
                     "the region. Takes effect at the next Bind")
     rest_matrix: FloatVectorProperty(
@@ -148,28 +77,28 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
 
 class DetailDeformExample(bpy.types.PropertyGroup):
     name: StringProperty(
-        name="Example", update=_example_changed,
+        name="Example", update=callbacks.example_changed,
         description="Shape key that is this example pose, unless there is an object for it")
     object: PointerProperty(
-        name="Object", type=bpy.types.Object, update=_example_changed,
+        name="Object", type=bpy.types.Object, update=callbacks.example_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="Object with the same vertices and faces in another pose; "
                     "its mesh without modifiers and shape keys counts")
     is_object: BoolProperty(options={'HIDDEN'})
     enabled: BoolProperty(
-        name="Enabled", default=True, update=_example_changed,
+        name="Enabled", default=True, update=callbacks.example_changed,
         description="Take this example into account. Takes effect at the next Bind")
     weight: FloatProperty(
-        name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=_result_changed,
+        name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=callbacks.result_changed,
         description="How much of this example the pose has, where weights are set by sliders")
     limited: BoolProperty(
-        name="Limit Weight", default=False, update=_result_changed,
+        name="Limit Weight", default=False, update=callbacks.result_changed,
         description="Keep the weight that handles ask for between Least and Largest")
     least_weight: FloatProperty(
-        name="Least", default=0.0, min=-10.0, max=0.0, soft_min=-1.0, update=_result_changed,
+        name="Least", default=0.0, min=-10.0, max=0.0, soft_min=-1.0, update=callbacks.result_changed,
         description="Least weight that handles give this example, below which they exaggerate its opposite")
     largest_weight: FloatProperty(
-        name="Largest", default=1.0, min=0.0, max=10.0, soft_max=2.0, update=_result_changed,
+        name="Largest", default=1.0, min=0.0, max=10.0, soft_max=2.0, update=callbacks.result_changed,
         description="Largest weight that handles give this example, beyond which they exaggerate it")
     found_weight: FloatProperty(
         name="Weight", get=lambda self: status.example_weight(self.id_data, self),
@@ -194,13 +123,13 @@ class DetailDeformExpression(bpy.types.PropertyGroup):
 
 class DetailDeformSettings(bpy.types.PropertyGroup):
     region: StringProperty(
-        name="Region", update=_region_changed,
+        name="Region", update=callbacks.region_changed,
         description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the "
                     "mesh stays where it is. Empty: the whole mesh may deform")
     own_region: StringProperty(options={'HIDDEN'})
     pulled_region: BoolProperty(options={'HIDDEN'})  # whether Pull made the region, and may change it
     join_split: BoolProperty(
-        name="Join Split Vertices", default=True, update=_content_changed,
+        name="Join Split Vertices", default=True, update=callbacks.content_changed,
         description="Take vertices for one where two borders of the mesh lie on one another, as importers split it "
                     "along seams of UVs and normals. Off: the surface may open there. Takes effect at the next Bind")
     handles: CollectionProperty(
@@ -218,15 +147,15 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformMissingExample, name="Missing Examples",
         description="Poses of which the examples make something else, the worst first")
     missing_of: StringProperty(options={'HIDDEN'})  # signature of the binding when the list was made
-    missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=_preview_changed)
+    missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=callbacks.preview_changed)
     show_error: BoolProperty(
-        name="Show Error", update=_preview_changed,
+        name="Show Error", update=callbacks.preview_changed,
         description="Colour the vertices in the viewport by how far the examples left them from the active pose of the "
                     "list")
     expressions: CollectionProperty(
         type=DetailDeformExpression, name="Expressions", description="Shape keys that were saved of the deformation")
     base_object: PointerProperty(
-        name="Base Object", type=bpy.types.Object, update=_base_object_changed,
+        name="Base Object", type=bpy.types.Object, update=callbacks.base_object_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="A smooth copy of this mesh, or a cage or a coarser mesh near it whose nearest points are "
                     "followed. Its own mesh at Bind is its rest, what edits and modifiers make of it the base; "
@@ -238,11 +167,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     base_rest_made: BoolProperty(options={'HIDDEN'})  # whether that is the evaluated mesh, not its own
     base_rest_of: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})  # the base object with this rest
     influence: StringProperty(
-        name="Influence", update=_influence_changed,
+        name="Influence", update=callbacks.influence_changed,
         description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a "
                     "part that stays. All of it when empty. Needs no new Bind")
     invert_influence: BoolProperty(
-        name="Invert", update=_influence_changed,
+        name="Invert", update=callbacks.influence_changed,
         description="Show the result where the weights of the influence group are low")
     transfer: PointerProperty(
         type=transfer_settings.DetailDeformTransfer, name="Transfer",
@@ -283,9 +212,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Its driver keeps the empties evaluated where they are hidden; the value is of no use")
 
 
-_UPDATE_CALLBACKS = {'method': _method_changed, 'weights_by': _weights_by_changed, 'base': _base_changed,
-                     'preview': _preview_changed, 'soft_border': _result_changed}
-_UPDATE_CALLBACKS_BY_STRUCT = {options.BIND: _content_changed, **dict.fromkeys(options.OF_UPDATE, _result_changed)}
+_UPDATE_CALLBACKS = {'method': callbacks.method_changed, 'weights_by': callbacks.weights_by_changed,
+                     'base': callbacks.base_changed, 'preview': callbacks.preview_changed,
+                     'soft_border': callbacks.result_changed}
+_UPDATE_CALLBACKS_BY_STRUCT = {options.BIND: callbacks.content_changed,
+                               **dict.fromkeys(options.OF_UPDATE, callbacks.result_changed)}
 declare(DetailDeformSettings, options.SETTINGS,
         lambda option: _UPDATE_CALLBACKS.get(option.name, _UPDATE_CALLBACKS_BY_STRUCT.get(option.struct)))
 

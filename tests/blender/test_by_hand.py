@@ -71,7 +71,7 @@ def test_a_dot_stays_on_the_surface_when_an_expression_is_raised(part):
     for value in (0.0, 0.5, 1.0):
         key.value = value
         update()
-        place = gizmos.places(*gizmos.handles(bpy.context))[0]
+        place = gizmos.positions(*gizmos.handles(bpy.context))[0]
         lifted = (evaluated(ob) - own(ob))[held].mean(axis=0)
         assert np.allclose(np.subtract(place, empty.matrix_world.translation), lifted, atol=1e-5)
         assert lifted[2] == pytest.approx(0.3 * value, abs=1e-5)
@@ -84,11 +84,11 @@ def test_a_dot_stays_on_the_surface_when_an_expression_is_raised(part):
     bpy.ops.object.mode_set(mode='EDIT')
     assert not key_shifts.shifts(ob, ob.detail_deform.handles).any()
     bpy.ops.object.mode_set(mode='OBJECT')
-    assert np.allclose(gizmos.places(*gizmos.handles(bpy.context))[0], empty.matrix_world.translation, atol=1e-6)
+    assert np.allclose(gizmos.positions(*gizmos.handles(bpy.context))[0], empty.matrix_world.translation, atol=1e-6)
     group(ob, "Half", [])
     key.vertex_group = "Half"
     update()
-    place = gizmos.places(*gizmos.handles(bpy.context))[0]
+    place = gizmos.positions(*gizmos.handles(bpy.context))[0]
     assert np.allclose(np.subtract(place, empty.matrix_world.translation), (0, 0, -0.3), atol=1e-5)
 
 

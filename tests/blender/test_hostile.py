@@ -253,7 +253,7 @@ def _matched(tmp_path):
     match(point_triangles=[10**9] * 121, point_weights=[0.5] * 363)])
 def test_a_saved_match_that_no_search_gives(opened, tmp_path, part, change):
     ob = opened(change, lambda: _matched(tmp_path))
-    part('scene.correspondence').vertex_confidence(ob)  # read by Show Match
+    part('scene.saved_match').vertex_confidence(ob)  # read by Show Match
     bpy.ops.ed.undo_push(message="opened")
     try:
         bpy.ops.object.detail_deform_transfer_save(filepath=str(tmp_path / 'written.txt'))

@@ -420,7 +420,7 @@ def test_esc_is_a_step_of_undo_where_something_stays(part, source, targets, work
     """By the operator's modal(), as the window calls it."""
     base = part('operators.operator_base')
     monkeypatch.setattr(base.Progress, '__init__', lambda self, context: None)
-    monkeypatch.setattr(base.Progress, 'tell', lambda *told: "")
+    monkeypatch.setattr(base.Progress, 'show', lambda *told: "")
     monkeypatch.setattr(base.Progress, 'end', lambda self, context: None)
     operator_class = part('operators.transfer_many_operators').OBJECT_OT_detail_deform_transfer_many
 
@@ -428,7 +428,7 @@ def test_esc_is_a_step_of_undo_where_something_stays(part, source, targets, work
         type = 'ESC'
 
     class Operator:
-        said, doing, keeps_part, interactive = [], "", False, True
+        said, task, keeps_partial_work, interactive = [], "", False, True
         modal, _end, reported = base.LongOperator.modal, base.LongOperator._end, operator_class._reported
 
         def report(self, kind, text):

@@ -250,7 +250,7 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     p = own(source)
     by_displacements = dict(what='ALL_KEYS', correspondence='STORED', placing='DISPLACEMENTS')
     assert bpy.ops.object.detail_deform_transfer_match(source=source.name) == {'FINISHED'}
-    matched, rest = part('scene.correspondence').stored(source, target), own(target)
+    matched, rest = part('scene.saved_match').stored(source, target), own(target)
     triangles, weights = matched.points
     places = (weights[:, :, None] * p[matched.source_triangles[triangles]]).sum(1) @ TURN.T + (3, 0, 0)
     assert np.abs(places - rest).max() < 0.03
@@ -262,7 +262,7 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     # A Saved Match whose points are damaged goes by its pairs.
     kept = target.data['detail_deform_match']
     kept['point_weights'] = kept['point_weights'][:-1]
-    assert part('scene.correspondence').stored(source, target).points is None
+    assert part('scene.saved_match').stored(source, target).points is None
     assert transfer(source=source.name, **by_displacements) == {'FINISHED'}
     moved = np.array([point.co for point in target.data.shape_keys.key_blocks["Chin"].data]) - rest
     assert np.allclose(moved[rest[:, 2] < -0.55].mean(0), TURN @ (0, -0.2, -0.1), atol=0.01)
@@ -280,7 +280,7 @@ def test_an_ambiguous_match_asks_for_a_marker_and_may_be_taken(part):
     assert bpy.ops.object.detail_deform_transfer_match(source="Source") == {'FINISHED'}
     assert target.detail_deform.transfer.correspondence == 'STORED'
     # Of the ways to turn it, Find Match takes the one in which the meshes stand.
-    matched = part('scene.correspondence').stored(source, target)
+    matched = part('scene.saved_match').stored(source, target)
     centres = [own(ob)[triangles].mean(1)[matched.pairs[:, side]] for side, (ob, triangles) in enumerate(
         ((source, matched.source_triangles), (target, matched.target_triangles)))]
     assert np.abs(centres[0] - centres[1]).max() < 0.1

@@ -75,7 +75,7 @@ def test_arguments_of_the_operator_are_the_settings(options):
     settings = bpy.types.PropertyGroup.bl_rna_get_subclass_py('DetailDeformTransfer').bl_rna.properties
     for option in options.TRANSFER_SETTINGS:
         argument, setting = found[option.name], settings[option.name]
-        assert argument.is_skip_save and argument.description == (option.told or option.tooltip)
+        assert argument.is_skip_save and argument.description == (option.argument_tooltip or option.tooltip)
         assert (argument.name, argument.type, argument.subtype, argument.default) == (
             setting.name, setting.type, setting.subtype, setting.default)
 
@@ -137,7 +137,7 @@ def test_a_setting_without_the_settings_it_needs_has_no_effect(strip, options, l
     rows = {option.name: option for option in options.SETTINGS}
     for option in with_rows(options):
         for need in option.needs:
-            if (need.name in {'method', 'base'} or (need.by and method not in need.by)
+            if (need.name in {'method', 'base'} or (need.methods and method not in need.methods)
                     or reason(options, look, option, settings)):
                 continue
             present = getattr(settings, need.name)

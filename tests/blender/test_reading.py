@@ -324,7 +324,7 @@ def test_frames_of_many_bound_meshes_read_no_groups(part, monkeypatch):
     """Nor do they look for split vertices."""
     strips = [bind(make_strip(9 + number, name=f"Strip {number}")) for number in range(12)]
     read, split, mesh_data = [], part('scene.split'), part('scene.mesh_data')
-    for module, name in ((split, 'Joined'), (mesh_data, 'group_entries')):
+    for module, name in ((split, 'WeldedMesh'), (mesh_data, 'group_entries')):
         function = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *of, name=name, function=function: read.append(name) or function(*of))
     for frame in range(2, 5):

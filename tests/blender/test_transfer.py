@@ -207,7 +207,7 @@ def test_correspondences_are_found_shown_and_forgotten(part):
     activate(target)
     assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
     assert settings.correspondence == 'STORED'
-    confidence = part('scene.correspondence').vertex_confidence(target)
+    confidence = part('scene.saved_match').vertex_confidence(target)
     assert confidence.shape == (33 * 33,) and confidence.min() > 0.5
     assert settings.show_match  # so that the user sees it before it is used
     colours = part('ui.preview').vertex_colours(target)
@@ -704,13 +704,13 @@ def test_the_record_of_many_keys_is_read_and_written_once(pair, part, monkeypatc
     for number in range(40):
         add_key(source, f"Key {number}", own(source) + 0.01 * number)
     transferred, calls = part('scene.transferred'), []
-    for owner, name in ((transferred, 'made_keys'), (transferred.json, 'dumps')):
+    for owner, name in ((transferred, 'transferred_keys'), (transferred.json, 'dumps')):
         was = getattr(owner, name)
         monkeypatch.setattr(owner, name, lambda *args, was=was, name=name, **kw: calls.append(name) or was(*args, **kw))
     for _ in range(2):  # the second time, the keys of the first are replaced
         calls.clear()
         activate(target)
         assert transfer(source="Source", what='ALL_KEYS') == {'FINISHED'}
-        assert calls.count('dumps') == 1 and calls.count('made_keys') < 5
+        assert calls.count('dumps') == 1 and calls.count('transferred_keys') < 5
         assert len(target.data.shape_keys.key_blocks) == len(source.data.shape_keys.key_blocks)
     assert set(transferred.transferred_keys(target)) == {key.name for key in source.data.shape_keys.key_blocks[1:]}

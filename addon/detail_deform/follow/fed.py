@@ -5,7 +5,7 @@ automatically."""
 import contextlib
 
 from ..library.options import NEAREST
-from ..scene import correspondence, mesh_data, mirror_plane, node_group, source_pose
+from ..scene import correspondence, mesh_data, mirror_plane, node_group, saved_match, source_pose
 from ..scene.mesh_data import MeshProblem
 from . import made, placed, prepared
 
@@ -57,17 +57,17 @@ def matched(source, ob):
     how = ob.detail_deform.transfer.correspondence
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
-    if how in _FOUND and not (how == NEAREST and correspondence.is_by_nearest(ob)):
+    if how in _FOUND and not (how == NEAREST and saved_match.is_by_nearest(ob)):
         raise MeshProblem(f"'{ob.name}' follows by its Saved Match: {_FOUND[how]} only when following starts. Press "
                           "Follow to stop, and again to start.")
-    return correspondence.stored(source, ob)
+    return saved_match.stored(source, ob)
 
 
 def content(source, ob, to_keep=None):
     """A signature of all that a prepared transfer depends on: equal texts mean equal content. It is cheap compared with
     preparing a transfer, but too expensive for every frame. to_keep: a correspondence that is about to be stored."""
     of = ob.detail_deform.transfer
-    how, kept, worn = of.correspondence, correspondence.digest(ob), correspondence.is_by_nearest(ob)
+    how, kept, worn = of.correspondence, saved_match.digest(ob), saved_match.is_by_nearest(ob)
     if to_keep:
         how, kept, worn = 'STORED', correspondence.digest_of(to_keep), to_keep.relative_transform is not None
     by = 'TOPOLOGY' if how == 'TOPOLOGY' else f"STORED.{kept}"
@@ -84,7 +84,7 @@ def check(ob):
     """Computes the signature of the present meshes and settings, and stores it as that of the transfer needed."""
     of = ob.detail_deform.transfer
     if of.source is not None and of.source.type == 'MESH':
-        correspondence.carry_relative_transform(of.source, ob)
+        saved_match.carry_relative_transform(of.source, ob)
         needed = content(of.source, ob)
         if of.prepared_for != needed:
             of.prepared_for = needed

@@ -4,7 +4,7 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import (attribute_reaches, correspondence, node_group, offset_attribute, partial_evaluation, source_pose,
+from ..scene import (attribute_reaches, node_group, offset_attribute, partial_evaluation, saved_match, source_pose,
                      stack, transferred)
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import forget_foreign
@@ -41,7 +41,7 @@ def start(context, ob, source, matched=None):
     if life.must_wait(depsgraph):
         life.finish(fed, content)
     if matched:
-        correspondence.store(matched, source, ob)
+        saved_match.store(matched, source, ob)
         if matched.pairs_of != NEAREST:  # nearest points are found anew at each start
             settings.correspondence = 'STORED'
     forget_foreign(ob)

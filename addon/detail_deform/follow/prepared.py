@@ -36,7 +36,7 @@ class Prepared:
         """(n, 3) float32: the target's positions for a pose of the source. pose: (k, 3), the positions of the source's
         own vertices, or of all those of wide."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
-        pose = self._source.to(pose if self.wide is None else self.wide.of(pose))
+        pose = self._source.to(pose if self.wide is None else self.wide.with_reflections(pose))
         return self._target.back(self._loose.place(self._transfer.apply(pose, gradients), pose))
 
 
@@ -74,7 +74,7 @@ class Preparation:
         sides = [matched.source_triangles, matched.target_triangles]
         self._wide, self._unfollowed = mirrored_source.find(source) if self._worn else None, ""
         if self._wide:
-            shapes[0], sides[0] = self._wide.of(shapes[0]), self._wide.triangles
+            shapes[0], sides[0] = self._wide.with_reflections(shapes[0]), self._wide.triangles
         if self._worn:
             self._unfollowed = _unfollowed(source, (shapes[0], sides[0]), shapes[1], matched.relative_transform)
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]

@@ -338,8 +338,8 @@ TRANSFER_SETTINGS = (
            default=0.005, limits=dict(min=0.0, soft_max=0.1, max=10.0, precision=4, step=0.1),
            fills=Field(TRANSFER, 'gap', float), section='TRANSFER',
            needs=(*_WORN, Need('keep_outside', (True,))),
-           argument_tooltip="How far outside of the source it is kept at least, as a share of the mesh's size; as in the "
-                            "panel unless given"),
+           argument_tooltip="How far outside of the source it is kept at least, as a share of the mesh's size; as in "
+                            "the panel unless given"),
     Option('anchor', ANCHORS, "Anchor", "What stays in place: how a mesh bends says nothing of where it is",
            fills=Field(TRANSFER, 'anchor', 'dd_anchor'), section='TRANSFER',
            argument_tooltip="What stays in place; as in the panel unless given"),

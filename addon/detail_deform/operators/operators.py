@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..follow import binding, life, live_transfer, registry, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
-from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, selection, stack
+from ..scene import apply_result, mesh_data, node_group, offset_attribute, saved_match, selection, stack
 from ..setup import at_rest, handle_setup, region_setup
 from .operator_base import HandleEmptyOperator, MeshOperator
 
@@ -56,7 +56,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         registry.check_mesh(ob)
         binding.unbind(ob)
         live_transfer.stop(ob)
-        correspondence.forget(ob)
+        saved_match.forget(ob)
         bake.drop_cache(ob)
         node_group.remove_modifier(ob)
         handle_setup.remove_handles(ob, range(len(ob.detail_deform.handles)))

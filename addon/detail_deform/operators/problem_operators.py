@@ -26,9 +26,9 @@ class OBJECT_OT_detail_deform_select_problem(HandleEmptyOperator, bpy.types.Oper
         chosen = problem_vertices.of(ob)
         if context.active_object != ob:
             selection.go_to(context, context.active_object, ob)
-        places = mesh_data.positions(ob.data)[chosen]
+        positions = mesh_data.positions(ob.data)[chosen]
         selection.select(ob, chosen, extend=False, hidden=True)
-        if not bpy.app.background and np.isfinite(places).all() and np.abs(places).max(initial=0) < _FARTHEST:
+        if not bpy.app.background and np.isfinite(positions).all() and np.abs(positions).max(initial=0) < _FARTHEST:
             _bring_into_view(context)
         count = int(chosen.sum())
         self.report({'INFO'}, f"{count:,} {'vertex is' if count == 1 else 'vertices are'} selected")

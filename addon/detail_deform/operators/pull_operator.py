@@ -83,7 +83,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             _check_mode(ob)
             if self._view and not self.radius and pulling.may_set_region(ob):
                 self._choice = ReachChoice(
-                    context, self._view, ob, pulling.selected_surroundings(ob),
+                    context, self._view, ob, pulling.selected_distances(ob),
                     pulling.earlier_handles(ob, len(ob.detail_deform.handles)), event, self.stay, self.falloff)
             else:
                 self._begin(context, ob)
@@ -95,8 +95,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         return {'RUNNING_MODAL'}
 
     def _begin(self, context, ob):
-        around = self._choice.surface if self._choice else None
-        self._pull = pulling.Pull(context, ob, self.radius, around, self.falloff)
+        surface = self._choice.surface if self._choice else None
+        self._pull = pulling.Pull(context, ob, self.radius, surface, self.falloff)
         self._stages = self._pull.stages(wait=False, watch=True)
         self._progress = Progress(context)
         self._tell(context, 0.0)

@@ -9,7 +9,7 @@ from ..declared import declare
 from ..follow import factored, live_transfer
 from ..library.options import NEAREST, TRANSFER_SETTINGS
 from ..results import transfer, transfer_table
-from ..scene import correspondence, files, mesh_data
+from ..scene import correspondence, files, mesh_data, saved_match
 from ..scene.selection import go_to
 from ..setup import marker_check, markers, matching, pair_lists
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
@@ -120,7 +120,7 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         if doubts:
             self.report({'WARNING'}, marker_check.sentence(doubts, source, ob))
         matched = yield from matching.search(source, ob)
-        correspondence.store(matched, source, ob)
+        saved_match.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
         ob.detail_deform.transfer.show_match = True  # to be checked before the match is used
         if matched.ambiguous:
@@ -148,7 +148,7 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
 
     @classmethod
     def poll_object(cls, ob):
-        if not correspondence.is_stored(ob):
+        if not saved_match.is_stored(ob):
             cls.poll_message_set("This mesh has no Saved Match")
             return False
         return True
@@ -160,7 +160,7 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         source = _source_of(ob, self.source)
-        pair_lists.write_pairs(bpy.path.abspath(self.filepath), correspondence.stored(source, ob))
+        pair_lists.write_pairs(bpy.path.abspath(self.filepath), saved_match.stored(source, ob))
 
 
 class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
@@ -174,7 +174,7 @@ class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
         if ob.detail_deform.transfer.live:
             raise mesh_data.MeshProblem(f"'{ob.name}' follows its source by its Saved Match: press Follow to stop that "
                                         "first.")
-        correspondence.forget(ob)
+        saved_match.forget(ob)
         ob.detail_deform.transfer.property_unset('correspondence')
         ob.detail_deform.transfer.show_match = False
 

@@ -34,7 +34,7 @@ class PoseError(NamedTuple):
 
 
 def find(context, ob, poses):
-    """Generator: yields the fraction done and returns ([Missed] of all poses, {index of a pose: (n,) errors}). The
+    """Generator: yields the fraction done and returns ([PoseError] of all poses, {index of a pose: (n,) errors}). The
     latter has the poses that deserve an example, the worst first. A pose that is nearer to one of these than its own
     error is left out, as that example would serve it, too. Raises MeshProblem."""
     check(ob)

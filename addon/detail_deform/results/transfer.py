@@ -6,7 +6,7 @@ import time
 
 from ..follow import factored, placed, prepared
 from ..library.options import CORRESPONDENCES
-from ..scene import correspondence, mesh_data, partial_evaluation, source_pose, transferred
+from ..scene import correspondence, mesh_data, partial_evaluation, saved_match, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
 from . import frames, keyframed_shape_keys, point_cache, transferred_keys
@@ -97,7 +97,7 @@ def _matched_and_carried(context, source, target, keys, request):
     outcome = yield from subprogress(
         _carry(context, _SeamClosingTransfer(transfer, target), source, target, keys, request), factored_at, 1)
     if matching.needs_search(request.correspondence):
-        correspondence.store(matched, source, target)
+        saved_match.store(matched, source, target)
     outcome.matched_by = _TITLES[request.correspondence]
     outcome.remarks += prepared.remarks(transfer)
     left_out = partial_evaluation.left_out(source, context.evaluated_depsgraph_get()) if keys is None else ""

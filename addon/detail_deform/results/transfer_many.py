@@ -13,7 +13,7 @@ def begin(context, source, rows, request_of, heading, tell):
     the generator keeps the finished targets, and writes the table.
 
     rows: transfer_table.Row of each target; outcome or failure is filled in. request_of: a function that returns the
-    Wanted of a target. heading: of the table. tell: called with the name and number of each target."""
+    TransferRequest of a target. heading: of the table. tell: called with the name and number of each target."""
     factored.begin_run()
     try:
         for number, row in enumerate(rows):

@@ -130,7 +130,7 @@ def _shapes(prepared, source, target, keys, target_names, rotation_only):
 def _copy_settings(target, key, copy, given, user_changes):
     """Sets a copy's range and vertex group, and a new copy's value and mute; returns the source's range and group.
     given: what the copy was given before; None for a new one. Range or group that differ from given are the user's:
-    they stay, and the copy's name is added to kept."""
+    they stay, and the copy's name is added to user_changes."""
     theirs = {'range': [key.slider_min, key.slider_max],
               'vertex group': key.vertex_group if key.vertex_group in target.vertex_groups else ""}
     ours = {'range': [copy.slider_min, copy.slider_max], 'vertex group': copy.vertex_group}

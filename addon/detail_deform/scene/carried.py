@@ -3,7 +3,8 @@
 
 Both transform all vertices by one affine map and the object by its inverse, so nothing moves in the world. Rest
 transforms of handles, offsets and the base's rest are stored in local space and must be transformed too. The map is
-recovered from sample vertices whose positions are stored at Bind, as text that is saved and undone with the object. """
+recovered from sample vertices whose positions are stored at Bind, as text that is saved and undone with the object.
+"""
 
 import numpy as np
 

@@ -102,7 +102,7 @@ def world_to_local(ob, depsgraph):
 def local_transforms(ob, depsgraph, pose_matrices=None, last=None):
     """(h, 4, 4) float32: the evaluated transform of each enabled handle's empty in the object's local space, with the
     motion of its bone and of modifiers (pose_matrix) undone. The identity for handles that mirror another.
-    pose_matrices: {number: pose_matrix_beside_bone()}, replaces a handle's stored pose. last: as for transforms_of().
+    pose_matrices: {index: pose_matrix_beside_bone()}, replaces a handle's stored one. last: as for transforms_of().
     Raises MeshProblem that names the handle."""
     handles = enabled_handles(ob.detail_deform)
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
@@ -128,9 +128,9 @@ def transforms_of(ob, handles, depsgraph, pose_matrices=None, last=None):
 
     pose_matrices: one (4, 4) or None for each handle, replaces the stored pose matrix. last: the previous result, used
     for handles of whose empty nothing is left; without it they are at rest. Raises MeshProblem."""
-    transforms, whereabouts = np.empty((len(handles), 4, 4)), ObjectPresence(depsgraph)
-    is_absent = [handle.target is None or not whereabouts.is_in_scene(handle.target) for handle in handles]
-    is_deleted = [is_out and has_rest(handle) and whereabouts.is_deleted(handle.target)
+    transforms, presence = np.empty((len(handles), 4, 4)), ObjectPresence(depsgraph)
+    is_absent = [handle.target is None or not presence.is_in_scene(handle.target) for handle in handles]
+    is_deleted = [is_out and has_rest(handle) and presence.is_deleted(handle.target)
                   for is_out, handle in zip(is_absent, handles)]
     for handle in handles:
         if handle.target is None and not has_rest(handle):
@@ -158,9 +158,9 @@ def transforms_of(ob, handles, depsgraph, pose_matrices=None, last=None):
             bone_motion = skin.bone_motion_of(ob, handle.target, depsgraph)
             transforms[number] = _inverse_or_refuse(
                 bone_motion, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ transforms[number]
-        bone_motion = pose_matrices[number] if pose_matrices is not None else _stored_pose_matrix(handle)
-        if bone_motion is not None:
-            transforms[number] = np.linalg.inv(bone_motion) @ transforms[number]
+        pose_matrix = pose_matrices[number] if pose_matrices is not None else _stored_pose_matrix(handle)
+        if pose_matrix is not None:
+            transforms[number] = np.linalg.inv(pose_matrix) @ transforms[number]
     return transforms
 
 
@@ -203,52 +203,52 @@ def _stored_pose_matrix(handle):
     malformed."""
     if not any(handle.pose_matrix):
         return None
-    pose = np.array(handle.pose_matrix, np.float64).reshape(4, 4)
+    matrix = np.array(handle.pose_matrix, np.float64).reshape(4, 4)
     # The file may have been modified by something else.
-    return pose if np.isfinite(pose).all() and not _are_singular(pose) else None
+    return matrix if np.isfinite(matrix).all() and not _are_singular(matrix) else None
 
 
 def pose_matrix_of(handle):
     """(4, 4): the motion of the handle's vertices by modifiers when its empty was placed, without that of the empty's
     bone; the identity if none is stored."""
-    pose = _stored_pose_matrix(handle)
-    return np.eye(4) if pose is None else pose
+    matrix = _stored_pose_matrix(handle)
+    return np.eye(4) if matrix is None else matrix
 
 
-def pose_matrix_beside_bone(ob, empty, motion, depsgraph):
-    """(4, 4): the pose matrix for this motion, of displayed.similarities(): bone⁻¹ motion, as the motion of the bone
-    that carries the empty, if any, is applied in every frame. None where motion is None or the bone's is singular.
-    Raises MeshProblem."""
-    if motion is None:
+def pose_matrix_beside_bone(ob, empty, similarity, depsgraph):
+    """(4, 4): the pose matrix for this similarity, of displayed.similarities(): bone⁻¹ similarity, as the motion of the
+    bone that carries the empty, if any, is applied in every frame. None where similarity is None or the bone's is
+    singular. Raises MeshProblem."""
+    if similarity is None:
         return None
     bone = skin.bone_motion_of(ob, empty, depsgraph)
-    return None if _are_singular(bone) else np.linalg.inv(bone) @ motion
+    return None if _are_singular(bone) else np.linalg.inv(bone) @ similarity
 
 
-def set_pose_matrix(handle, pose):
-    """Stores a pose of pose_matrix_beside_bone(), or none."""
-    if pose is None:
+def set_pose_matrix(handle, matrix):
+    """Stores a matrix of pose_matrix_beside_bone(), or none."""
+    if matrix is None:
         handle.property_unset('pose_matrix')
     else:
-        handle.pose_matrix = pose.ravel().tolist()
+        handle.pose_matrix = matrix.ravel().tolist()
 
 
 def rest_transforms(ob, transforms, roles, depsgraph):
     """(h, 4, 4) float32: rest transforms of the empties: their present ones, except on bones of a disabled armature,
     which no longer poses the mesh. There it is the present one or that with the bone at rest, whichever is nearer to
     the centroid of the handle's vertices. roles: (n,) of the binding."""
-    result, rest = transforms.copy(), None
+    result, rest_positions = transforms.copy(), None
     for number, handle in enumerate(enabled_handles(ob.detail_deform)):
         if handle.mirrors or handle.target is None or handle.target.parent_type != 'BONE':
             continue
-        pose = skin.former_bone_motion_of(ob, handle.target, depsgraph)
-        if _are_singular(pose) or np.array_equal(pose, np.eye(4)):
+        bone_motion = skin.former_bone_motion_of(ob, handle.target, depsgraph)
+        if _are_singular(bone_motion) or np.array_equal(bone_motion, np.eye(4)):
             continue
-        if rest is None:
-            rest = mesh_data.rest_positions(ob.data)
-        centre, there = rest[roles == number].mean(axis=0), np.linalg.inv(pose) @ transforms[number]
-        if np.linalg.norm(there[:3, 3] - centre) < np.linalg.norm(transforms[number, :3, 3] - centre):
-            result[number] = there
+        if rest_positions is None:
+            rest_positions = mesh_data.rest_positions(ob.data)
+        centre, at_rest = rest_positions[roles == number].mean(axis=0), np.linalg.inv(bone_motion) @ transforms[number]
+        if np.linalg.norm(at_rest[:3, 3] - centre) < np.linalg.norm(transforms[number, :3, 3] - centre):
+            result[number] = at_rest
     return result
 
 
@@ -295,7 +295,8 @@ def motions(settings, transforms):
 
     Rest and present transform are relative to the object, as for Blender's Hook modifier: moving the object together
     with its empties moves no vertex. Both are rounded to single precision, so that an empty that did not move gives the
-    identity without any rounding error. """
+    identity without any rounding error.
+    """
     rests = _rest_transforms(settings)
     for number in np.flatnonzero(_are_singular(rests)):
         raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it "
@@ -395,11 +396,11 @@ def convert_for_copies(ob, empties):
                 continue
             empty, to_original, own = worlds
             pose = pose_matrix_of(handle)
-            there, here = (np.linalg.inv(space @ pose) @ empty for space in (to_original, own))
+            before, after = (np.linalg.inv(space @ pose) @ empty for space in (to_original, own))
             for name in ('rest_matrix', 'home_matrix'):
                 transform = np.array(getattr(handle, name), np.float64).reshape(4, 4)
-                if transform.any():  # changed so that the motion from there to the present transform is the same
-                    setattr(handle, name, (transform @ np.linalg.inv(there) @ here).ravel().tolist())
+                if transform.any():  # changed so that the motion from it to the present transform is the same
+                    setattr(handle, name, (transform @ np.linalg.inv(before) @ after).ravel().tolist())
 
 
 def has_rest(handle):

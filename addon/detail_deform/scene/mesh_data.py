@@ -195,25 +195,25 @@ def read_attribute_into(mesh, name, field, values):
 
 
 def group_entries(ob, names):
-    """(vertices, places, weights): an entry for each vertex in each named group; places are the groups' indices in
+    """(vertices, indices, weights): an entry for each vertex in each named group; indices are the groups' indices in
     names. A group that is named twice has entries for both."""
-    places = {}
-    for place, name in enumerate(names):
-        places.setdefault(ob.vertex_groups[name].index, []).append(place)
+    indices = {}
+    for position, name in enumerate(names):
+        indices.setdefault(ob.vertex_groups[name].index, []).append(position)
     # No version has foreach_get for vertex groups, so this is a slow loop (group_columns.py is faster, for Bind). It
     # runs at Bind and when something is edited, never in a frame.
     vertices, groups, weights = [], [], []
     for index, vertex in enumerate(ob.data.vertices):
         for element in vertex.groups[:]:  # in 5.2 slicing is faster than iterating
-            if (group := element.group) in places:
+            if (group := element.group) in indices:
                 vertices.append(index)
                 groups.append(group)
                 weights.append(element.weight)
-    times = max(map(len, places.values()), default=1)
-    place_of = np.full((max(places, default=0) + 1, times), -1)
-    for group, of_group in places.items():
-        place_of[group, :len(of_group)] = of_group
-    found = place_of[np.array(groups, np.intp)]
+    times = max(map(len, indices.values()), default=1)
+    index_of = np.full((max(indices, default=0) + 1, times), -1)
+    for group, of_group in indices.items():
+        index_of[group, :len(of_group)] = of_group
+    found = index_of[np.array(groups, np.intp)]
     entry, time = np.nonzero(found >= 0)
     return np.array(vertices, np.intp)[entry], found[entry, time], np.array(weights, np.float32)[entry]
 

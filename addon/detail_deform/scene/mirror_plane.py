@@ -43,7 +43,8 @@ def _planes(ob):
 
 
 def signature(ob):
-    """A hashable key that is equal for equal planes up to rounding, as when mesh and mirror object move together."""
+    """A hashable signature that is equal for equal planes up to rounding, as when mesh and mirror object move
+    together."""
     return tuple((*np.round(point, 5).tolist(), *np.round(normal, 5).tolist(), distance)
                  for point, normal, distance in _planes(ob))
 

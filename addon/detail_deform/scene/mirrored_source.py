@@ -88,7 +88,7 @@ class MirroredSource:
 
 
 def find(source):
-    """The source's Wider; None if no Mirror modifier adds surface."""
+    """The MirroredSource; None if no Mirror modifier adds surface."""
     return MirroredSource(source) if reflections(source) else None
 
 

@@ -32,7 +32,7 @@ def _transformed(positions, matrix):
 
 def rest(ob):
     """{'base', 'base_triangles'}: arguments of native.Bind for the base at rest, in the object's local space at Bind:
-    the kept rest mesh, or the base's own where that was deleted. base_triangles only if the base is no copy of the
+    the stored rest mesh, or the base's own where that was deleted. base_triangles only if the base is no copy of the
     mesh, vertex for vertex and face for face."""
     base, rest_mesh = _base_object(ob), ob.detail_deform.base_rest_mesh
     if rest_mesh:
@@ -55,7 +55,8 @@ def transform(ob, depsgraph):
 
 def deformed_positions(ob, depsgraph):
     """(n, 3) float32: the base's present deformed positions in the object's local space. With all of its modifiers if
-    their result was kept as rest at Bind, otherwise without those that change the vertex count. Raises MeshProblem."""
+    their result was stored as rest at Bind, otherwise without those that change the vertex count. Raises
+    MeshProblem."""
     base, rest_mesh = _base_object(ob), ob.detail_deform.base_rest_mesh
     evaluated = base.evaluated_get(depsgraph)
     if rest_mesh and ob.detail_deform.base_rest_made:

@@ -60,7 +60,7 @@ class ProportionalSpace(NamedTuple):
 
 
 def bound(settings):
-    """The Space in which an object's surface is bound: its proportions at Bind."""
+    """The ProportionalSpace in which an object's surface is bound: its proportions at Bind."""
     linear = np.array(settings.proportions, np.float32).reshape(3, 3)
     if not linear.any() or not np.isfinite(linear).all() or abs(np.linalg.det(linear)) < _FLAT**3:
         linear = np.eye(3, dtype=np.float32)  # modified by something else

@@ -103,7 +103,7 @@ def _occurring(times, ends, edges, owners):
 
 
 def _face_hashes(labels, mesh):
-    """(faces,) uint64: hash of each face's corner places, independent of their order."""
+    """(faces,) uint64: hash of each face's corner labels, independent of their order."""
     corners, begins = mesh_data.faces(mesh)
     return np.add.reduceat(_row_hashes(labels[corners].astype(np.uint64)[:, None]), begins) if len(begins) else begins
 

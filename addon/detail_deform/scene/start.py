@@ -2,8 +2,9 @@
 """The start of a binding: the shape displayed at Bind (at Factor 1, no Influence), so that adding a handle moves
 nothing.
 
-It is the mesh's own vertices plus the offsets by shape keys (KEYED) and those of the previous binding (KEPT). Both are
-attributes of the mesh, copied, saved and undone with it, and present only where they are large enough to be seen.
+It is the mesh's own vertices plus the offsets by shape keys (SHAPE_KEY_OFFSETS) and those of the previous binding
+(PREVIOUS_OFFSETS). Both are attributes of the mesh, copied, saved and undone with it, and present only where they are
+large enough to be seen.
 """
 
 import numpy as np
@@ -56,8 +57,8 @@ def _displayed_offsets(ob):
 
 
 def rigid_motion(ob, chosen, by=offset_attribute.DISPLAYED_OFFSETS):
-    """(4, 4): the nearest rigid motion of the chosen vertices by the displayed offsets, or by the attribute KEPT. Fewer
-    than three vertices are extended by their neighbours. chosen: (n,) bool."""
+    """(4, 4): the nearest rigid motion of the chosen vertices by the displayed offsets, or by the attribute
+    PREVIOUS_OFFSETS. Fewer than three vertices are extended by their neighbours. chosen: (n,) bool."""
     return next(rigid_motions(ob, [np.flatnonzero(chosen)], by))
 
 
@@ -100,8 +101,8 @@ def _fitted_maps(ob, parts, before, after, scaled=False):
 
 def _fit(before, after, scaled):
     """(4, 4): least-squares rigid motion of points (Kabsch), or similarity if scaled (Umeyama)."""
-    middle, there = before.mean(0), after.mean(0)
-    left, sizes, right = np.linalg.svd((after - there).T @ (before - middle))
+    middle, image_middle = before.mean(0), after.mean(0)
+    left, sizes, right = np.linalg.svd((after - image_middle).T @ (before - middle))
     handed = np.linalg.det(left @ right)
     left[:, 2] *= handed
     result = np.eye(4)
@@ -110,7 +111,7 @@ def _fit(before, after, scaled):
         spread = ((before - middle) ** 2).sum()
         size = (sizes[:2].sum() + handed * sizes[2]) / (spread or 1.0)
         result[:3, :3] *= size if _MIN_SCALE < size < 1 / _MIN_SCALE else 1.0
-    result[:3, 3] = there - result[:3, :3] @ middle
+    result[:3, 3] = image_middle - result[:3, :3] @ middle
     return result
 
 
@@ -148,6 +149,6 @@ def forget_foreign(ob):
 
 
 def forget(mesh):
-    """Removes KEPT and KEYED: the start is then the mesh's own vertices."""
+    """Removes PREVIOUS_OFFSETS and SHAPE_KEY_OFFSETS: the start is then the mesh's own vertices."""
     forget_previous_offsets(mesh)
     offset_attribute.remove_attribute(mesh, SHAPE_KEY_OFFSETS)

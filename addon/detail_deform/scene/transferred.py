@@ -12,7 +12,7 @@ _LONGEST_NAME = 63  # bytes of UTF-8: Blender's limit, to which it truncates nam
 
 
 def transferred_keys(target):
-    """{name: {what: value}}: records of Keys.note() for the keys made by transfers that still exist."""
+    """{name: {what: value}}: records of KeyWriter.record() for the keys made by transfers that still exist."""
     text, keys = target.data.get(_RECORDS), target.data.shape_keys
     if not isinstance(text, str) or not keys:
         return {}

@@ -13,9 +13,9 @@ from . import empties
 def bring_back(context, ob):
     """Restores the deleted empties of an object's handles: links those that still exist in the file, and makes new ones
     for the others."""
-    whereabouts = handle_matrices.ObjectPresence(context.evaluated_depsgraph_get())
+    presence = handle_matrices.ObjectPresence(context.evaluated_depsgraph_get())
     lost = [handle for handle in handle_matrices.with_empties(ob.detail_deform)
-            if whereabouts.is_deleted(handle.target)]
+            if presence.is_deleted(handle.target)]
     for empty in {handle.target for handle in lost if handle.target}:
         empties.collection_of(context, ob).objects.link(empty)
     _make_empties(context, ob, [handle for handle in lost if handle.target is None])
@@ -25,7 +25,7 @@ def bring_back(context, ob):
 
 
 def _make_empties(context, ob, handles):
-    """Gives handles new empties at their rest places, where their motions are the identity."""
+    """Gives handles new empties at their rest transforms, where their motions are the identity."""
     parts = _parts_of(ob, handles)
     placed = empties.placements(ob, list(filter(len, parts)), align=False)
     for handle, part in zip(handles, parts):
@@ -52,7 +52,7 @@ def to_rest(context, ob, handles):
     """Moves the handles' empties to their homes, where the surface is undeformed. Does nothing to handles without a
     home or an empty."""
     movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
-    _measure_poses(context, ob, [h for h in movable if not h.target.animation_data])
+    _store_pose_matrices(context, ob, [h for h in movable if not h.target.animation_data])
     by_depth = {}
     for handle in movable:
         by_depth.setdefault(_depth(handle.target), []).append(handle)
@@ -64,16 +64,16 @@ def to_rest(context, ob, handles):
 
 
 def _put_home(ob, handle, depsgraph):
-    pose = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_matrices.pose_matrix_of(handle)
-    place = ob.matrix_world @ Matrix((pose @ handle_matrices.home_transform(handle)).tolist())
-    handle.target.matrix_world = empties.without_shear(place) if any(handle.pose_matrix) else place
+    posing = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_matrices.pose_matrix_of(handle)
+    world = ob.matrix_world @ Matrix((posing @ handle_matrices.home_transform(handle)).tolist())
+    handle.target.matrix_world = empties.without_shear(world) if any(handle.pose_matrix) else world
     mode = handle.target.rotation_mode
     if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix has no whole turns: take those of home
         home = Euler(handle_matrices.home_euler(handle, mode), mode)
         handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
 
 
-def _measure_poses(context, ob, handles):
+def _store_pose_matrices(context, ob, handles):
     """Measures and stores anew how other modifiers move the handles' vertices, as the empties are about to be placed
     there."""
     if not displayed.needs_measuring(ob):
@@ -81,8 +81,8 @@ def _measure_poses(context, ob, handles):
     depsgraph = context.evaluated_depsgraph_get()
     parts = _parts_of(ob, handles)
     handles = [handle for handle, part in zip(handles, parts) if len(part)]
-    for handle, motion in zip(handles, displayed.similarities(ob, list(filter(len, parts)), depsgraph)):
-        empties.store_pose_matrix(ob, handle, motion, depsgraph)
+    for handle, similarity in zip(handles, displayed.similarities(ob, list(filter(len, parts)), depsgraph)):
+        empties.store_pose_matrix(ob, handle, similarity, depsgraph)
 
 
 def all_to_rest(context, ob):

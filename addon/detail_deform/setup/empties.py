@@ -105,15 +105,15 @@ def put_in_place(context, ob, made):
             empty.local_view_set(view, True)
 
 
-def make_on_skin(context, ob, name, world, size, posed_by, motion, depsgraph, parented=True):
+def make_on_skin(context, ob, name, world, size, posed_by, similarity, depsgraph, parented=True):
     """As make(), but where other modifiers display the handle's vertices. world: the world matrix before these
-    modifiers. posed_by: result of skin.Rigs.of(). motion: from displayed.similarities(). parented: make the empty a
+    modifiers. posed_by: result of skin.Rigs.of(). similarity: from displayed.similarities(). parented: make the empty a
     child of the object, or of the bone with the largest mean weight on the vertices."""
     rig, means = posed_by
-    if motion is None and means:
-        motion = skin.mean_bone_motion(ob, rig, means, depsgraph)
-    if motion is not None:
-        posed = ob.matrix_world @ Matrix(motion.tolist()) @ ob.matrix_world.inverted_safe() @ world
+    if similarity is None and means:
+        similarity = skin.mean_bone_motion(ob, rig, means, depsgraph)
+    if similarity is not None:
+        posed = ob.matrix_world @ Matrix(similarity.tolist()) @ ob.matrix_world.inverted_safe() @ world
         world = without_shear(posed, world.to_scale())
     if not (means and parented):
         return make(context, ob, name, world, size, ob if parented else None)
@@ -126,6 +126,6 @@ def without_shear(matrix, scale=None):
     return Matrix.LocRotScale(where, turn, scale or size)
 
 
-def store_pose_matrix(ob, handle, motion, depsgraph):
+def store_pose_matrix(ob, handle, similarity, depsgraph):
     handle_matrices.set_pose_matrix(
-        handle, handle_matrices.pose_matrix_beside_bone(ob, handle.target, motion, depsgraph))
+        handle, handle_matrices.pose_matrix_beside_bone(ob, handle.target, similarity, depsgraph))

@@ -55,17 +55,18 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     # Least display size of an empty: 5% of the object's largest dimension, and less for ten or more, which are close.
     least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
     rigs, made, depsgraph = skin.Rigs(ob), [], context.evaluated_depsgraph_get()
-    motions = displayed.similarities(ob, parts, depsgraph)
-    for name, part, motion, (place, extent) in zip(names, parts, motions, empties.placements(ob, parts, align)):
-        made.append(empties.make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), motion, depsgraph,
-                                         parented))
+    similarities = displayed.similarities(ob, parts, depsgraph)
+    for name, part, similarity, (world, extent) in zip(
+            names, parts, similarities, empties.placements(ob, parts, align)):
+        made.append(empties.make_on_skin(context, ob, name, world, max(extent, least), rigs.of(part), similarity,
+                                         depsgraph, parented))
     empties.put_in_place(context, ob, made)
     first = len(ob.detail_deform.handles)
     for name, (empty, _) in zip(names, made):
         append(ob, name, empty).own_group = name if from_selection else ""
     handles, depsgraph = ob.detail_deform.handles[first:], context.evaluated_depsgraph_get()
-    for handle, motion in zip(handles, motions):
-        empties.store_pose_matrix(ob, handle, motion, depsgraph)
+    for handle, similarity in zip(handles, similarities):
+        empties.store_pose_matrix(ob, handle, similarity, depsgraph)
     store_homes(context, ob, handles, parts)
     return ob.detail_deform.handles[first]
 
@@ -84,7 +85,7 @@ def _selected_parts(ob, each):
 
 
 def store_homes(context, ob, handles, parts):
-    """Stores the homes of new handles: the places on the undeformed surface of their empties, which stand on the
+    """Stores the homes of new handles: the transforms on the undeformed surface of their empties, which stand on the
     deformed one. parts: the vertices of each handle."""
     if not ob.detail_deform.signature:
         return

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..library import native
 from ..library.options import NEAREST
-from ..scene import correspondence, files, mesh_data, proportions
+from ..scene import correspondence, files, mesh_data, proportions, saved_match
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
@@ -23,7 +23,7 @@ _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them a
 
 def _placement_key(shapes, stance):
     """Key of the source's placement: the corners of its box in the target's space, in units of the diagonal of the
-    target's box, rounded to 4 digits; b'' without a stance."""
+    target's box, rounded to 4 digits; b'' where it is None."""
     if stance is None:
         return b''
     (low, high), (least, most) = ((each.min(0, initial=0), each.max(0, initial=0)) for each in shapes)
@@ -32,8 +32,8 @@ def _placement_key(shapes, stance):
 
 
 def search(source, target):
-    """Generator: yields the fraction done and returns the Matched, found by the shapes of both objects and the markers
-    that they have in common. Raises MeshProblem or native.NativeError."""
+    """Generator: yields the fraction done and returns the Correspondence, found by the shapes of both objects and the
+    markers that they have in common. Raises MeshProblem or native.NativeError."""
     global _cached_match
     sides, pairs = (source, target), markers.pairs(source, target)
     shapes, stance = [proportions.shape(ob) for ob in sides], proportions.relative_transform(source, target)
@@ -84,14 +84,14 @@ def automatic(source, target, folder):
         return 'TOPOLOGY', "", settings.pairs_of
     if settings.correspondence == 'LIST' and settings.filepath:
         return 'LIST', *list_file("", target)
-    if correspondence.fits(source, target):
+    if saved_match.fits(source, target):
         return 'STORED', "", settings.pairs_of
     if markers.are_enough(source, target):
         return 'MARKERS', "", settings.pairs_of
     path, pairs_of = list_file(folder, target)
     if path and os.path.exists(path):
         return 'LIST', path, pairs_of
-    stored_source = correspondence.stored_for(target)
+    stored_source = saved_match.stored_for(target)
     match = f"a Saved Match for '{stored_source}' as it was" if stored_source else "no Saved Match"
     raise MeshProblem(f"'{target.name}' has other vertices or faces than '{source.name}', {match}, fewer than "
                       f"{markers.MIN_COMMON} markers with the same numbers, and no list: set markers on both, or press "
@@ -113,7 +113,7 @@ def list_file(folder, target):
 
 
 def find(how, source, target, path, pairs_of):
-    """Generator: yields the fraction done and returns the Matched of two objects. how: a value of the setting
+    """Generator: yields the fraction done and returns the Correspondence of two objects. how: a value of the setting
     correspondence. path, pairs_of: of a list file. Raises MeshProblem or native.NativeError."""
     if how == 'MARKERS':
         doubts = yield from marker_check.search(source, target)
@@ -128,5 +128,5 @@ def find(how, source, target, path, pairs_of):
     if how == NEAREST:
         return correspondence.by_nearest(source, target)
     if how == 'STORED':
-        return correspondence.stored(source, target)
+        return saved_match.stored(source, target)
     return correspondence.by_topology(source, target)

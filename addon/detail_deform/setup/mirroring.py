@@ -51,19 +51,19 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     local = (handle_matrices.home_transform(handle) if handle_matrices.has_rest(handle) else
              handle_matrices.local_transform(ob, handle, depsgraph))
     flip = handle_matrices.reflection('XYZ'[axis])
-    place = ob.matrix_world @ Matrix((start.rigid_motion(ob, image) @ flip @ local @ flip).tolist())
+    world = ob.matrix_world @ Matrix((start.rigid_motion(ob, image) @ flip @ local @ flip).tolist())
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:
-        motion = displayed.similarities(ob, [np.flatnonzero(image)], depsgraph)[0]
-        made = empties.make_on_skin(context, ob, name, empties.without_shear(place), size, skin.Rigs(ob).of(image),
-                                    motion, depsgraph)
+        similarity = displayed.similarities(ob, [np.flatnonzero(image)], depsgraph)[0]
+        made = empties.make_on_skin(context, ob, name, empties.without_shear(world), size, skin.Rigs(ob).of(image),
+                                    similarity, depsgraph)
     else:
-        motion = None
-        made = empties.make(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
+        similarity = None
+        made = empties.make(context, ob, name, world, size, source.parent if source.parent_type == 'OBJECT' else None)
     empties.put_in_place(context, ob, [made])
     empty = made[0]
     empty.empty_display_type = source.empty_display_type
-    return empty, motion
+    return empty, similarity
 
 
 def _mirror_reach(ob, name, first, axis):
@@ -146,7 +146,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
                     "axis.")
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
-    empty, motion = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
+    empty, similarity = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
     made = handle_setup.append(ob, group_name, empty)
     made.own_group = group_name
     made.turns, made.falloff = turns, falloff
@@ -159,7 +159,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
         if start.has_previous_offsets(ob.data):  # motion of its vertices from home, where its own motion starts
             made.rest_matrix = start.rigid_motion(ob, image, start.PREVIOUS_OFFSETS).ravel().tolist()
     else:
-        empties.store_pose_matrix(ob, made, motion, context.evaluated_depsgraph_get())
+        empties.store_pose_matrix(ob, made, similarity, context.evaluated_depsgraph_get())
         handle_setup.store_homes(context, ob, [made], [np.flatnonzero(image)])
     if not missing:
         return ""

@@ -70,7 +70,7 @@ def write_pairs(path, matched):
 
 
 def by_list(source, target, path, pairs_of):
-    """The Matched of a file of pairs. Raises MeshProblem, also for numbers out of range."""
+    """The Correspondence of a file of pairs. Raises MeshProblem, also for numbers out of range."""
     matched = correspondence.Correspondence(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
                                             read_pairs(path, pairs_of), None)
     counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),

@@ -18,7 +18,7 @@ def may_set_region(ob):
     return not ob.detail_deform.region or ob.detail_deform.pulled_region
 
 
-def selected_surroundings(ob):
+def selected_distances(ob):
     """The region_setup.SurfaceDistances of the selected vertices and of their mirror images by Edit Mode's symmetry.
     Raises MeshProblem."""
     chosen = selection.selected(ob)
@@ -36,7 +36,7 @@ class EarlierHandles(NamedTuple):
 
 
 def earlier_handles(ob, count):
-    """[Other] of the first count handles, one for each reach; empty if the region was not made by Pull."""
+    """[EarlierHandles] of the first count handles, one for each reach; empty if the region was not made by Pull."""
     settings, found = ob.detail_deform, []
     handles = [h for h in list(settings.handles)[:count] if h.enabled and h.vertex_group in ob.vertex_groups]
     if not settings.pulled_region:
@@ -59,11 +59,11 @@ def _symmetric_axes(ob):
 class Pull:
     """stages() does the work. If an exception or close() ends it early, it undoes all its changes."""
 
-    def __init__(self, context, ob, radius=0.0, around=None, falloff='MESH'):
-        """radius: of the region, in world units; 0: guessed from the selection. around: of selected_surroundings(), if
+    def __init__(self, context, ob, radius=0.0, surface=None, falloff='MESH'):
+        """radius: of the region, in world units; 0: guessed from the selection. surface: of selected_distances(), if
         known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles."""
         self.radius, self.remarks, self._falloff = radius, [], falloff
-        self._context, self._ob, self._around = context, ob, around
+        self._context, self._ob, self._surface = context, ob, surface
         self._had_modifier = node_group.find_modifier(ob) is not None
         self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
         self._edited = list(context.objects_in_mode)
@@ -83,7 +83,7 @@ class Pull:
             self._mirror()
             yield 0.0
             if may_set_region(ob):
-                self._set_region()
+                self._set_moved_vertices()
                 yield 0.0
             self._context.view_layer.update()  # evaluates the new empty's matrix
             binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
@@ -116,7 +116,7 @@ class Pull:
             if remark:
                 self.remarks.append(remark)
 
-    def _set_region(self):
+    def _set_moved_vertices(self):
         """Sets what the new handles move. Earlier handles with a vertex within the radius share it: all of them and the
         new ones then move the union of what they moved and the vertices within the radius. This is the region if there
         are no earlier handles, or if one of those within the radius moves the region; otherwise it is a reach."""
@@ -125,11 +125,11 @@ class Pull:
         handles = settings.handles[self._count:]
         new = mesh_data.group_weights(ob, [h.vertex_group for h in handles]) > mesh_data.MEMBER_WEIGHT
         start = new.any(axis=0) if earlier or not self._count else region_setup.starting_vertices(ob)
-        around = self._around
-        if around is None or not np.array_equal(around.start, start):
-            around = region_setup.SurfaceDistances(ob, start, chosen=new[0])
-        self.radius = self.radius or around.suggested_radius()
-        members = around.within(self.radius)
+        surface = self._surface
+        if surface is None or not np.array_equal(surface.start, start):
+            surface = region_setup.SurfaceDistances(ob, start, chosen=new[0])
+        self.radius = self.radius or surface.suggested_radius()
+        members = surface.within(self.radius)
         within_radius, moved = [other for other in earlier if members[other.held].any()], members.copy()
         for other in within_radius:
             moved[other.moved] = True

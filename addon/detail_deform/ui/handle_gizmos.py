@@ -25,8 +25,8 @@ def handles(context):
                 if empty is not None and empty != active and empty.visible_get()]
 
 
-def places(ob, found):
-    """World place of each dot of handles(): that of the empty, shifted as shape keys have moved its vertices since
+def positions(ob, found):
+    """World position of each dot of handles(): that of the empty, shifted as shape keys have moved its vertices since
     Bind."""
     if ob is None:
         return []
@@ -56,10 +56,10 @@ class VIEW3D_GGT_detail_deform_handles(bpy.types.GizmoGroup):
             self.gizmos.clear()
             for number in numbers:
                 self._add(number)
-        for gizmo, place in zip(self.gizmos, places(ob, found)):
-            place = Matrix.Translation(place)
-            if gizmo.matrix_basis != place:
-                gizmo.matrix_basis = place
+        for gizmo, position in zip(self.gizmos, positions(ob, found)):
+            matrix = Matrix.Translation(position)
+            if gizmo.matrix_basis != matrix:
+                gizmo.matrix_basis = matrix
 
     def _add(self, number):
         gizmo = self.gizmos.new('GIZMO_GT_button_2d')

@@ -116,13 +116,13 @@ def _tree(ob, depsgraph):
     return _trees[ob.name]
 
 
-def is_hidden(place, eye, obs, depsgraph):
-    """Whether the surface of one of these objects occludes a place on one of them from the eye; both in world space."""
+def is_hidden(point, eye, obs, depsgraph):
+    """Whether the surface of one of these objects occludes a point on one of them from the eye; both in world space."""
     for ob in obs:
         to_local = ob.matrix_world.inverted_safe()
         start = to_local @ eye
-        direction = to_local @ place - start
-        # The ray ends 0.5% of the object's largest dimension before the place, whose own faces don't occlude it.
+        direction = to_local @ point - start
+        # The ray ends 0.5% of the object's largest dimension before the point, whose own faces don't occlude it.
         length = direction.length - 0.005 * max(ob.dimensions) / max(max(ob.matrix_world.to_scale()), 1e-9)
         if length > 0 and _tree(ob, depsgraph).ray_cast(start, direction, length)[0] is not None:
             return True

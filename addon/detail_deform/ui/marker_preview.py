@@ -59,9 +59,9 @@ def _draw():
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0, 0, 0, 1)
     solid = _solid(context, ob)
-    for number, place, colour in found:
-        at = location_3d_to_region_2d(context.region, context.region_data, place)
-        if at is None or marker_cache.is_hidden(place, _eye(context.region_data, place), solid, depsgraph):
+    for number, point, colour in found:
+        at = location_3d_to_region_2d(context.region, context.region_data, point)
+        if at is None or marker_cache.is_hidden(point, _eye(context.region_data, point), solid, depsgraph):
             continue
         blf.color(0, *colour)
         blf.position(0, at.x - size / 6, at.y - size / 3, 0)
@@ -77,10 +77,10 @@ def _solid(context, ob):
     return {side for pair in pairs(ob) for side in pair if side is not None and side.visible_get()}
 
 
-def _eye(view, place):
-    """The eye of a RegionView3D; in an orthographic view a point at twice the view distance from the place."""
+def _eye(view, point):
+    """The eye of a RegionView3D; in an orthographic view a point at twice the view distance from the point."""
     back = view.view_matrix.inverted()
-    return back.translation if view.is_perspective else place + 2 * view.view_distance * back.col[2].xyz
+    return back.translation if view.is_perspective else point + 2 * view.view_distance * back.col[2].xyz
 
 
 _drawing = Drawing(_draw, 'POST_PIXEL')

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import session
 from ..results import missing_examples
-from ..scene import correspondence, handle_matrices, mesh_data, shaders
+from ..scene import handle_matrices, mesh_data, saved_match, shaders
 
 _POINT_SIZE = 4.0  # pixels
 _NEARER = 0.004  # of the distance to the eye, by which points are offset so that the surface doesn't hide them
@@ -45,7 +45,7 @@ def vertex_colours(ob):
     """(n, 4) float32 RGBA by the confidence of the match with a source, by the errors of examples for a pose, or by
     region and handle, from weights alone, so that they show before a Bind. None if only unknown errors are to show."""
     settings = ob.detail_deform
-    match = correspondence.vertex_confidence(ob) if settings.transfer.show_match else None
+    match = saved_match.vertex_confidence(ob) if settings.transfer.show_match else None
     errors = missing_examples.errors_of(ob) if settings.show_error else None
     if match is None and errors is not None:
         match = 1 - errors / max(errors.max(), 1e-30)
@@ -99,7 +99,7 @@ def _points(ob, depsgraph):
     if len(mesh.vertices) != len(ob.data.vertices):
         return None
     settings = ob.detail_deform
-    made_of = (settings.region, settings.preview, settings.transfer.show_match, correspondence.digest(ob),
+    made_of = (settings.region, settings.preview, settings.transfer.show_match, saved_match.digest(ob),
                len(ob.data.vertices), settings.show_error, settings.missing_index,
                *(row.mark for row in settings.missing_examples),
                *((h.vertex_group, h.reach, h.enabled) for h in settings.handles))
@@ -139,8 +139,8 @@ def _draw():
     for ob in shown:
         points = _points(ob, context.view_layer.depsgraph)  # as it is: evaluating waits for a render that waits for us
         if points is not None:
-            places = {'pos': _nearer(points[0], context.region_data), 'color': points[1]}
-            batch_for_shader(shader, 'POINTS', places).draw(shader)
+            content = {'pos': _nearer(points[0], context.region_data), 'color': points[1]}
+            batch_for_shader(shader, 'POINTS', content).draw(shader)
     gpu.state.point_size_set(1.0)
     gpu.state.depth_test_set('NONE')
     gpu.state.blend_set('NONE')

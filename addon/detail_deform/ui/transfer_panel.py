@@ -7,7 +7,7 @@ from ..declared import COMPARED
 from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..results import transfer_table
-from ..scene import correspondence, mesh_data
+from ..scene import mesh_data, saved_match
 from ..setup import marker_check, markers
 from . import marker_cache
 from .parts import ModifierPanel, draw_options, draw_text
@@ -42,7 +42,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
             column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
         if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
             column.operator('object.detail_deform_marker_add', icon='ADD')
-        if correspondence.is_stored(ob):
+        if saved_match.is_stored(ob):
             row = layout.row(align=True)
             row.prop(settings, 'show_match', toggle=True)
             row = row.row(align=True)
