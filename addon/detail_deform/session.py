@@ -50,14 +50,15 @@ class Memo:
 
     def of(self, key, make, fits=lambda found: True):
         """The result of this key: the present one if there is one that fits, else that of make()."""
-        found = self._found.get(key)
-        return self.put(key, make() if found is None or not fits(found) else found)
+        is_there = key in self._found and fits(self._found[key])
+        return self.put(key, self._found[key] if is_there else make())
 
     def get(self, key, default=None):
         return self._found.get(key, default)
 
     def put(self, key, found):
-        is_new = self._found.pop(key, None) is None
+        is_new = key not in self._found
+        self.drop(key)
         self._found[key] = found  # at the end: the most recently used
         for old in list(self._found)[:-max(1, self._size())] if is_new else ():
             del self._found[old]

@@ -3,22 +3,32 @@
 
 import bpy
 
+from .. import session, timers
 from ..scene import selection
 
-_edited = []  # names of the objects that were in Edit Mode, the active one first
-_window = None  # in which they were
+
+class _Edited:
+    """Names of the objects that were in Edit Mode, the active one first, and the window in which they were."""
+
+    def __init__(self):
+        self.clear()
+
+    def clear(self):
+        self.names, self.window = [], None
+
+
+_edited = session.kept(_Edited(), session.Until.DISABLED)
 
 
 def remember_edit_mode(context):
     """Stores the window and the objects in Edit Mode at the beginning of a drag."""
-    global _window
-    active, _window = context.active_object, context.window
+    active = context.active_object
     names = [ob.name for ob in context.objects_in_mode] if active and active.mode == 'EDIT' else []
-    _edited[:] = sorted(names, key=lambda name: name != active.name)
+    _edited.names, _edited.window = sorted(names, key=lambda name: name != active.name), context.window
 
 
 def began_in_edit_mode():
-    return bool(_edited)
+    return bool(_edited.names)
 
 
 class OBJECT_OT_detail_deform_edit_again(bpy.types.Operator):
@@ -29,18 +39,18 @@ class OBJECT_OT_detail_deform_edit_again(bpy.types.Operator):
 
     def execute(self, context):
         # After the macro has ended, as the drag in Object Mode and the change of mode are two steps of undo.
-        if _edited and not bpy.app.background:
-            bpy.app.timers.register(_edit_again)
+        if _edited.names:
+            _timer.start()
         return {'FINISHED'}
 
 
 def _edit_again():
     """Timer."""
-    names = list(_edited)
+    names, window = _edited.names, _edited.window
     _edited.clear()
-    if not names or _window not in list(bpy.context.window_manager.windows):
+    if not names or window not in list(bpy.context.window_manager.windows):
         return
-    with bpy.context.temp_override(window=_window):
+    with bpy.context.temp_override(window=window):
         context = bpy.context
         there = [ob for ob in map(context.view_layer.objects.get, names) if ob and ob.type == 'MESH']
         if not there or context.mode != 'OBJECT':
@@ -51,12 +61,5 @@ def _edit_again():
         bpy.ops.object.mode_set('EXEC_DEFAULT', True, mode='EDIT')  # True: with an undo step
 
 
-def register():
-    bpy.utils.register_class(OBJECT_OT_detail_deform_edit_again)
-
-
-def unregister():
-    if bpy.app.timers.is_registered(_edit_again):
-        bpy.app.timers.unregister(_edit_again)
-    _edited.clear()
-    bpy.utils.unregister_class(OBJECT_OT_detail_deform_edit_again)
+_timer = timers.Timer(_edit_again, 0.0)
+register, unregister = bpy.utils.register_classes_factory([OBJECT_OT_detail_deform_edit_again])

@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
+from .. import session
 from ..follow import words
 from ..library.options import FALLOFFS
 from ..scene import handle_owners, mesh_data, stack
@@ -13,7 +14,16 @@ from . import edit_again
 from .operator_base import MeshOperator, Progress
 from .reach_choice import ReachChoice, View
 
-_under_way = []  # the running modal operator, which is ended when the add-on is disabled
+
+class _UnderWay(list):
+    """The running modal operator, if there is one."""
+
+    def clear(self):
+        for pull in list(self):
+            pull.cancel(bpy.context)
+
+
+_under_way = session.kept(_UnderWay(), session.Until.DISABLED)
 # Events that navigate the view, which pass through while the radius is chosen and while the object is bound.
 _NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
 
@@ -158,7 +168,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         self._end(context, None)
 
     def _end(self, context, result):
-        _under_way.clear()
+        _under_way[:] = []
         try:
             if self._choice:
                 self._choice.close(context)
@@ -191,10 +201,4 @@ def _view(context):
 
 
 CLASSES = (OBJECT_OT_detail_deform_pull,)
-register, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
-
-
-def unregister():
-    for pull in list(_under_way):
-        pull.cancel(bpy.context)
-    _unregister_classes()
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -4,13 +4,13 @@ every redraw, as a few vertices of each handle are sampled."""
 
 import numpy as np
 
+from .. import session
 from . import mesh_data, offset_attribute
 
 # Sampled vertices a handle, and of all handles together (but at least one a handle): bound the time of a redraw.
 _SAMPLES_A_HANDLE = 4
 _SAMPLES_OF_ALL = 256
-_MAX_BINDINGS = 8  # bindings whose samples are cached; the oldest is dropped
-_samples = {}  # {signature of the binding: {group: [vertex]}}
+_samples = session.Memo(8)  # {signature of the binding: {group: [vertex]}}
 
 
 def shifts(ob, handles):
@@ -35,11 +35,7 @@ def shifts(ob, handles):
 
 def _samples_of(ob, groups):
     """[[vertex]]: the samples of each of these groups; [] if the group no longer exists."""
-    known = _samples.get(ob.detail_deform.signature)
-    if known is None:
-        while len(_samples) >= _MAX_BINDINGS:
-            del _samples[next(iter(_samples))]
-        known = _samples[ob.detail_deform.signature] = {}
+    known = _samples.of(ob.detail_deform.signature, dict)
     new = [group for group in dict.fromkeys(groups) if group not in known and group in ob.vertex_groups]
     if new:
         count = min(_SAMPLES_A_HANDLE, max(1, _SAMPLES_OF_ALL // len(groups)))

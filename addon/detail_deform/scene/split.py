@@ -9,6 +9,7 @@ touch, are not welded."""
 import numpy as np
 
 from ..library import native
+from .. import session
 from . import components, mesh_data
 
 _SEPARATED = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is no rounding error
@@ -16,8 +17,7 @@ _FOLDED = -0.99  # cosine of the angle between the normals at a seam: below it t
 # Largest deviation of the displacements at one place from their mean, as a fraction of the mean's length: up to _CRACK
 # it is a crack, which is closed; from _PARTING on the sides move apart on purpose, and are kept. Between, blended.
 _CRACK, _PARTING = 0.1, 0.3
-_MAX_CACHED = 64  # results in the cache; bounds its memory
-_cache = {}  # cache of _pairs() and _representatives(), by signatures of their input
+_cache = session.Memo(64)  # of _pairs() and _representatives(), by signatures of their input
 
 
 def _find_representatives(ob, topology):
@@ -26,24 +26,12 @@ def _find_representatives(ob, topology):
     mesh = ob.data
     positions = mesh_data.positions(mesh)
     content = mesh_data.signature(positions), topology or mesh_data.topology_signature(mesh)
-    pairs = _cached(content, lambda: _pairs(mesh, positions))
+    pairs = _cache.of(content, lambda: _pairs(mesh, positions))
     if not len(pairs):  # nearly always: avoids reading the keys
         return None
     keys = [mesh_data.key_positions(key) for key in (mesh.shape_keys.key_blocks if mesh.shape_keys else ())]
-    return _cached((*content, 'keys', *map(mesh_data.signature, keys)),
-                   lambda: _representatives(pairs, positions, keys))
-
-
-def _cached(content, find):
-    if content not in _cache:
-        while len(_cache) >= _MAX_CACHED:
-            del _cache[next(iter(_cache))]
-        _cache[content] = find()
-    return _cache[content]
-
-
-def forget():
-    _cache.clear()
+    return _cache.of((*content, 'keys', *map(mesh_data.signature, keys)),
+                     lambda: _representatives(pairs, positions, keys))
 
 
 def _representatives(pairs, positions, keys):

@@ -7,13 +7,14 @@ import os
 import bpy
 import numpy as np
 
+from .. import session
 from ..library import native
 from ..library.options import NEAREST
 from ..scene import correspondence, files, mesh_data, proportions, saved_match
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
-_cached_match = ((), b'', None)  # for transfers with other settings: (searched_for, placement, Correspondence)
+_last = session.Memo(1)  # for transfers with other settings: {what was searched for: (placement, Correspondence)}
 # Mean confidence above which a match is reused though an object moved: saves a search, may miss a better fit.
 _REUSE_CONFIDENCE = 0.5
 
@@ -34,15 +35,15 @@ def _placement_key(shapes, stance):
 def search(source, target):
     """Generator: yields the fraction done and returns the Correspondence, found by the shapes of both objects and the
     markers that they have in common. Raises MeshProblem or native.NativeError."""
-    global _cached_match
     sides, pairs = (source, target), markers.pairs(source, target)
     shapes, stance = [proportions.shape(ob) for ob in sides], proportions.relative_transform(source, target)
     searched_for = (*map(mesh_data.signature, shapes), *(mesh_data.topology_signature(ob.data) for ob in sides),
                     pairs.tobytes())
     placement = _placement_key(shapes, stance)
-    if _cached_match[0] == searched_for and (
-            _cached_match[1] == placement or _cached_match[2].confidence.mean() > _REUSE_CONFIDENCE):
-        return _cached_match[2]
+    if searched_for in _last:
+        before, matched = _last.get(searched_for)
+        if before == placement or matched.confidence.mean() > _REUSE_CONFIDENCE:
+            return matched
     matched = correspondence.Correspondence(
         mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
     match = native.Match((shapes[0], matched.source_triangles), (shapes[1], matched.target_triangles), pairs,
@@ -54,8 +55,7 @@ def search(source, target):
         matched.ambiguous, matched.mirrored = bool(match.info.ambiguous), bool(match.info.mirrored)
     finally:
         match.close()
-    _cached_match = (searched_for, placement, matched)
-    return matched
+    return _last.put(searched_for, (placement, matched))[1]
 
 
 def ambiguity(source, target):

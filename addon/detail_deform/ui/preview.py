@@ -15,9 +15,21 @@ _NEARER = 0.004  # of the distance to the eye, by which points are offset so tha
 _REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _BAD_COLOUR, _GOOD_COLOUR = (0.9, 0.1, 0.1, 0.9), (0.2, 0.8, 0.2, 0.9)
-_colours = {}  # {object's name: (key of the content, (n, 4) colours or None)}
-_names = None  # of the objects with a preview; None: to be collected, which is slow in large scenes
-_object_count = 0  # when they were collected
+_colours = session.kept({}, session.Until.REPLACED)  # {object's name: (key of the content, (n, 4) colours or None)}
+
+
+class _WithPreview:
+    """Names of the objects with a preview, None if they are to be collected, which is slow in large scenes; and the
+    number of objects when they were collected."""
+
+    def __init__(self):
+        self.clear()
+
+    def clear(self):
+        self.names, self.object_count = None, 0
+
+
+_with_preview = session.kept(_WithPreview(), session.Until.REPLACED)
 
 
 class Drawing:
@@ -84,9 +96,8 @@ def is_in_use():
 def forget(edited=None):
     """Drops the cached colours of these edited meshes. Without an argument drops all, and the list of objects with a
     preview."""
-    global _names
     if edited is None:
-        _names = None
+        _with_preview.clear()
     for name in list(_colours):
         ob = bpy.data.objects.get(name)
         if edited is None or ob is None or ob.data in edited:
@@ -121,14 +132,13 @@ def _nearer(points, view):
 
 
 def _draw():
-    global _names, _object_count
     import gpu
     from gpu_extras.batch import batch_for_shader
     context = bpy.context
-    if _names is None or _object_count != len(bpy.data.objects):
-        _object_count = len(bpy.data.objects)
-        _names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and _is_wanted(ob)]
-    shown = [ob for ob in map(context.view_layer.objects.get, _names) if ob is not None
+    if _with_preview.object_count != len(bpy.data.objects) or _with_preview.names is None:
+        _with_preview.object_count = len(bpy.data.objects)
+        _with_preview.names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and _is_wanted(ob)]
+    shown = [ob for ob in map(context.view_layer.objects.get, _with_preview.names) if ob is not None
              and _is_wanted(ob) and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
     if not shown:
         return
@@ -148,4 +158,3 @@ def _draw():
 
 _drawing = Drawing(_draw, 'POST_VIEW')
 register, unregister = _drawing.register, _drawing.unregister
-session.at(session.Until.REPLACED, forget)
