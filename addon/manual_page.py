@@ -6,7 +6,7 @@ import re
 
 _STYLE = """
 body { margin: 0 auto; max-width: 58em; padding: 1em 1.5em 6em; font: 16px/1.5 sans-serif; color: #222 }
-h1, h2, h3 { line-height: 1.2; margin-top: 1.8em }
+h1, h2, h3, h4 { line-height: 1.2; margin-top: 1.8em }
 h2 { border-bottom: 1px solid #ccc; padding-bottom: .2em }
 table { border-collapse: collapse }
 td, th { border: 1px solid #ccc; padding: .3em .6em; vertical-align: top; text-align: left }
