@@ -214,7 +214,7 @@ def begin(part):
             next(stages)
         return stages
     yield run
-    part('follow.life').clear()
+    part('session').ended(part('session').Until.DISABLED)
 
 
 def test_a_pull_that_is_cancelled_leaves_nothing_behind(begin):
