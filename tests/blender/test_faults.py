@@ -209,7 +209,7 @@ def test_memory_and_threads_that_run_out(in_child, check):
     in_child(check)
 
 
-@pytest.mark.parametrize('place', ['scene.mesh_data.group_entries', 'scene.handle_matrices.local_transforms',
+@pytest.mark.parametrize('place', ['scene.mesh_data.group_entries', 'scene.handle_transforms.local_transforms',
                                    'scene.mesh_data.topology_signature'])
 def test_an_array_that_python_cannot_allocate(strip, part, monkeypatch, place):
     module, name = place.rsplit('.', 1)

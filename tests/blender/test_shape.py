@@ -242,13 +242,13 @@ def test_twice_the_density_is_the_same_shape():
 def test_with_the_papers_settings_the_addon_shows_the_librarys_result_to_the_bit(bar, part, degrees):
     set_all(bar, PAPERS)
     turn(bar, degrees)
-    native, matrices = part('library.native'), part('scene.handle_matrices')
+    native, subject = part('library.native'), part('scene.subject').Subject(
+        bar, bpy.context.evaluated_depsgraph_get())
     rest = own(bar).astype(np.float32)
     roles = np.where(members(bar, 'held'), 0, np.where(members(bar, 'region'), native.ROLE_FREE, native.ROLE_FIXED))
     bound = native.Bind(rest, part('scene.mesh_data').triangles(bar.data), roles, 1).finish()
-    places = matrices.local_transforms(bar, bpy.context.evaluated_depsgraph_get())
-    offsets = bound.offsets(matrices.motions(bar.detail_deform, places), refine=0, rim_smoothing=0,
-                            base_deformer='LINEAR')
+    motions = part('scene.handle_motions').motions(subject, part('scene.handle_transforms').local_transforms(subject))
+    offsets = bound.offsets(motions, refine=0, rim_smoothing=0, base_deformer='LINEAR')
     assert np.array_equal(part('scene.offset_attribute').read(bar.data), offsets.reshape(-1, 3))
     assert np.array_equal(evaluated(bar).astype(np.float32), rest + offsets.reshape(-1, 3))
 

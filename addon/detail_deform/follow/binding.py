@@ -6,44 +6,69 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, displayed, group_columns, handle_matrices, handle_owners, mesh_data,
-                     node_group, offset_attribute, outside_base, proportions, renamed_groups, split, stack, start)
+from ..scene import (carried, dependency, displayed, group_columns, handle_motions, handle_owners, handle_rests,
+                     handle_transforms, mesh_data, node_group, offset_attribute, outside_base, proportions,
+                     renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
-from . import bound, content, hints, life, registry
+from ..scene.subject import Subject, enabled_handles
+from . import bound, content, hints, life, registry, roles
 
 
 def bind(ob, depsgraph, wait, keep_rest):
     """Starts to bind the object's region to its handles; with wait, or if the deformer is cached, also finishes.
 
-    keep_rest: the empties' rest places stay those of the last Bind, so that the pose survives an edit of the mesh. If a
-    handle was added to the deformed surface, the present places of all handles and the present surface become the new
-    start instead (scene/start.py).
+    keep_rest: the empties' rests stay those of the last Bind, so that the pose survives an edit of the mesh. If a
+    handle was added to the deformed surface, the present transforms of all handles and the present surface become the
+    new start instead (scene/start.py).
     Raises MeshProblem or native.NativeError. Faults of the input that are found at once leave the present binding;
     after any other error the object has none.
     """
-    registry.check_mesh(ob)
-    native.library()
-    settings = ob.detail_deform
-    if settings.transfer.live:
-        raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}': "
-                          "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
-    offset_attribute.check_name(ob)
+    _check(ob)
     start.forget_foreign(ob)
     if keep_rest:
         bound.carry_along(ob, depsgraph)
-    topology = mesh_data.topology_signature(ob.data)
-    joined = split.WeldedMesh(ob, topology)
     renamed_groups.update_names(ob)
     renamed_groups.store_names(ob)
-    known = content.roles_of(ob, group_columns.entries, joined)
-    roles = known.of_all
-    poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
-    places = handle_matrices.local_transforms(ob, depsgraph, poses)
+    subject, topology = Subject(ob, depsgraph), mesh_data.topology_signature(ob.data)
+    welded = split.WeldedMesh(ob, topology)
+    found = roles.of(subject, group_columns.entries, welded)
+    options = content.options(subject) if subject.settings.base == 'COMPUTED' else None
+    _store_rests(subject, found.of_all, wait, keep_rest)
+    subject = Subject(ob, depsgraph)
+    if options is None:
+        options = content.options(subject)  # of the stored rest of a base object
+    signature = content.signature(content.shape_signature(subject, topology), found, options)
+    life.start(bound, signature, lambda: bound.begin(subject, signature, found, options, welded))
+    _store(ob, signature)
+    hints.of_region(ob, found, welded)  # memoized while the roles are at hand: reading groups is slow
+    if wait or bound.cache.find(signature):
+        life.finish(bound, signature)
+        life.refresh(ob, depsgraph, force=True)
+        life.take_in(ob, depsgraph.view_layer)
+    life.drop_unused()
+
+
+def _check(ob):
+    """Raises MeshProblem or native.NativeError where the object can't be bound, whatever its groups and handles."""
+    registry.check_mesh(ob)
+    native.library()
+    transfer = ob.detail_deform.transfer
+    if transfer.live:
+        raise MeshProblem(f"'{ob.name}' follows '{transfer.source.name if transfer.source else ''}': "
+                          "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
+    offset_attribute.check_name(ob)
+
+
+def _store_rests(subject, roles_of_vertices, wait, keep_rest):
+    """Stores all that motions are relative to: the rests of handles and of a base object, and the start. Ends the
+    present binding, once all is checked that may be wrong."""
+    ob, settings = subject.ob, subject.settings
+    poses = _poses(subject, roles_of_vertices, only_new=keep_rest)
+    transforms = handle_transforms.local_transforms(subject, poses)
     # The checks up to bound.refuse() leave the present binding when they raise.
-    if not keep_rest or _has_come(settings):
-        handle_matrices.check_rest(settings, places)
-    options = None if settings.base == 'OBJECT' else content.options(ob)
-    if settings.base == 'COMPUTED' and keep_rest and _has_come(settings):
+    if not keep_rest or subject.has_new_handle:
+        handle_motions.check_rest(subject, transforms)
+    if settings.base == 'COMPUTED' and keep_rest and subject.has_new_handle:
         if not wait and life.is_drafted(ob):
             raise MeshProblem(f"'{ob.name}' is still being bound, and the added handle starts from the result: wait "
                               "for it, and bind then.")
@@ -53,75 +78,66 @@ def bind(ob, depsgraph, wait, keep_rest):
         # Blender evaluates a hidden base object only if a modifier depends on it.
         stack.ensure_modifier(ob)
         _need_base(ob)
-        depsgraph.view_layer.update()
-        outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
-        options = content.options(ob)
+        subject.depsgraph.view_layer.update()
+        outside_base.store_rest(ob, subject.depsgraph, only_new=keep_rest)
     else:
         outside_base.forget_rest(settings)
     settings.proportions = proportions.of(ob).ravel().tolist()
     for number, pose in poses.items():
-        handle_matrices.set_pose_matrix(handle_matrices.enabled_handles(settings)[number], pose)
-    _find_start(ob, places, keep_rest, handle_matrices.rest_transforms(ob, places, roles, depsgraph))
-    handle_matrices.motions(settings, places)  # raises if a rest place is singular
+        handle_transforms.set_pose_matrix(subject.handles[number], pose)
+    _find_start(subject, transforms, keep_rest,
+                handle_transforms.rest_transforms(subject, transforms, roles_of_vertices))
+    handle_motions.motions(Subject(ob), transforms)  # raises if a rest is singular
 
-    signature = content.signature(content.shape_signature(ob, topology), known, options)
-    life.start(bound, signature, lambda: bound.begin(ob, signature, known, options, joined))
+
+def _store(ob, signature):
+    """Stores the new binding, and shows its result from now on."""
+    settings = ob.detail_deform
     settings.signature, settings.bound_points = signature, carried.sample_points(ob.data)
-    hints.of_region(ob, known, joined)  # memoized while the roles are at hand: reading groups is slow
-    bound.note_handles(settings)
+    bound.note_handles(ob)
     settings.begun_as = ob.name
     registry.forget()
     stack.ensure_modifier(ob)
     influence_changed(ob)
     targets_changed(ob)
-    if wait or bound.cache.find(signature):
-        life.finish(bound, signature)
-        life.refresh(ob, depsgraph, force=True)
-        life.take_in(ob, depsgraph.view_layer)
-    life.drop_unused()
 
 
-def _poses(ob, roles, depsgraph, only_new):
-    """{number: handle_matrices.pose_matrix_beside_bone()} of the handles with empties; only_new: those without a rest
-    place."""
-    chosen = {number: handle.target for number, handle in enumerate(handle_matrices.enabled_handles(ob.detail_deform))
-              if handle.target and not handle.mirrors and not (only_new and handle_matrices.has_rest(handle))}
-    if not chosen or not displayed.needs_measuring(ob) or ob.detail_deform.base == 'OBJECT':
+def _poses(subject, roles_of_vertices, only_new):
+    """{number: handle_transforms.pose_matrix_beside_bone()} of the handles with empties; only_new: those without a
+    rest."""
+    chosen = {number: subject.handles[number].target for number in subject.own}
+    chosen = {number: empty for number, empty in chosen.items()
+              if empty and not (only_new and handle_rests.has_rest(subject.handles[number]))}
+    if not chosen or not displayed.needs_measuring(subject.ob) or subject.settings.base == 'OBJECT':
         return dict.fromkeys(chosen)
-    order = np.argsort(roles, kind='stable')
-    begins, ends = (np.searchsorted(roles[order], list(chosen), side) for side in ('left', 'right'))
-    motions = displayed.similarities(ob, [order[begin:end] for begin, end in zip(begins, ends)], depsgraph)
-    return {number: handle_matrices.pose_matrix_beside_bone(ob, empty, motion, depsgraph)
+    order = np.argsort(roles_of_vertices, kind='stable')
+    begins, ends = (np.searchsorted(roles_of_vertices[order], list(chosen), side) for side in ('left', 'right'))
+    motions = displayed.similarities(subject.ob, [order[begin:end] for begin, end in zip(begins, ends)],
+                                     subject.depsgraph)
+    return {number: handle_transforms.pose_matrix_beside_bone(subject.ob, empty, motion, subject.depsgraph)
             for (number, empty), motion in zip(chosen.items(), motions)}
 
 
-def _find_start(ob, places, keep_rest, rest_places):
-    """Stores the start: the shape that is bound, and the places that the handles' motions are relative to."""
-    settings = ob.detail_deform
-    if settings.base == 'OBJECT' or not keep_rest:
-        start.forget(ob.data)
-    if settings.base == 'COMPUTED':
-        start.store_key_offsets(ob)
-        if keep_rest and _has_come(settings) and start.store_previous_offsets(ob):
-            handle_matrices.make_present_rest(settings, places)
+def _find_start(subject, transforms, keep_rest, rests):
+    """Stores the start: the shape that is bound, and the transforms that the handles' motions are relative to."""
+    if subject.settings.base == 'OBJECT' or not keep_rest:
+        start.forget(subject.mesh)
+    if subject.settings.base == 'COMPUTED':
+        start.store_key_offsets(subject.ob)
+        if keep_rest and subject.has_new_handle and start.store_previous_offsets(subject.ob):
+            handle_motions.make_present_rest(subject, transforms)
             return
-    handle_matrices.store_rest(settings, rest_places, only_new=keep_rest)
+    handle_rests.store_rest(subject.handles, rests, only_new=keep_rest)
 
 
 def go_home(ob, depsgraph, wait):
     """Makes the undeformed mesh the start again, by a new bind, if the start was deformed or a handle was added. To be
     called when all handles are back at their home places."""
     settings = ob.detail_deform
-    if settings.signature and (start.forget_previous_offsets(ob.data) or _has_come(settings)):
-        handle_matrices.reset_rests_to_homes(settings)
+    if settings.signature and (start.forget_previous_offsets(ob.data) or Subject(ob).has_new_handle):
+        handle_rests.reset_rests_to_homes(settings)
         offset_attribute.remove(ob.data)  # else bind() would take the shown deformation as the start
         bind(ob, depsgraph, wait, keep_rest=True)
-
-
-def _has_come(settings):
-    """Whether a handle was added since the last Bind."""
-    return any(not (handle.mirrors or handle_matrices.has_rest(handle))
-               for handle in handle_matrices.enabled_handles(settings))
 
 
 def show_again(ob):
@@ -145,7 +161,7 @@ def targets_changed(ob):
     if not settings.signature:
         return
     _need_base(ob)
-    dependency.depend_on(ob, [h.target for h in handle_matrices.enabled_handles(settings) if h.target])
+    dependency.depend_on(ob, [h.target for h in enabled_handles(settings) if h.target])
 
 
 def _need_base(ob):
@@ -162,7 +178,7 @@ _OF_MESHES = (offset_attribute.PREVIOUS_OFFSETS, offset_attribute.SHAPE_KEY_OFFS
 class Kept(NamedTuple):
     """The state of a binding, to be restored if the bind that replaces it is cancelled."""
     state: list  # values of _STATE
-    places: list  # values of handle_matrices.BINDING_PROPERTIES, for each handle
+    places: list  # values of handle_rests.BINDING_PROPERTIES, for each handle
     attributes: list  # vectors of the attributes _OF_MESHES; None for each that the mesh lacks
 
 
@@ -170,7 +186,7 @@ def kept(ob):
     """The present Kept, for restore()."""
     settings = ob.detail_deform
     return Kept([getattr(settings, name) for name in _STATE],
-                [[getattr(handle, name)[:] for name in handle_matrices.BINDING_PROPERTIES]
+                [[getattr(handle, name)[:] for name in handle_rests.BINDING_PROPERTIES]
                  for handle in settings.handles],
                 [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
                  for name in _OF_MESHES])
@@ -179,7 +195,7 @@ def kept(ob):
 def restore(ob, present):
     settings = ob.detail_deform
     for handle, places in zip(settings.handles, present.places):
-        for name, place in zip(handle_matrices.BINDING_PROPERTIES, places):
+        for name, place in zip(handle_rests.BINDING_PROPERTIES, places):
             setattr(handle, name, place)
     for name, vectors in zip(_OF_MESHES, present.attributes):
         if vectors is None:
@@ -202,7 +218,7 @@ def cancel(ob):
 
 def unbind(ob, keep_rest=False):
     """Removes the binding; the mesh shows its rest shape. keep_rest: the handles keep their home places as rest."""
-    homes = [handle_matrices.home_to_store(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
+    homes = [handle_rests.home_to_store(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
     life.end(bound, ob)
     for handle, kept in zip(ob.detail_deform.handles, homes):
         handle.rest_matrix, handle.rest_euler, handle.rest_order = kept

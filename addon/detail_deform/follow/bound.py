@@ -7,11 +7,12 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute,
-                     outside_base, proportions, renamed_groups, split, start)
+from ..scene import (carried, dependency, handle_motions, handle_rests, handle_transforms, mesh_data, mirror_plane,
+                     node_group, offset_attribute, outside_base, renamed_groups, split, start)
 from ..scene.mesh_data import MeshProblem
+from ..scene.subject import Subject
 from ..scene.window import redraw_panels
-from . import content, look, made, placed, shown, slow_results
+from . import content, look, made, placed, roles, shown, slow_results
 from .bind_job import BindJob
 from .parts_job import PartsJob
 from .slow_update import SlowUpdate
@@ -53,8 +54,8 @@ def check(ob):
     of = ob.detail_deform
     if ob.mode == 'EDIT':
         return ""
-    note_handles(of)
-    stale = content.difference(ob)
+    note_handles(ob)
+    stale = content.difference(Subject(ob))
     if stale in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED} and node_group.find_modifier(ob) is None:
         return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
@@ -81,7 +82,7 @@ def carry_along(ob, depsgraph):
     except MeshProblem:
         return  # the next update reports it
     record = shown.by(ob.data)
-    before = record.places if record and record.places is not None else carried.rest_transforms(of)
+    before = record.transforms if record and record.transforms is not None else carried.rest_transforms(of)
     if len(before) == len(now) and carried.moved_with_space(motion, before, now):
         carried.carry(ob, motion)
     else:
@@ -99,10 +100,10 @@ def _show_whole(ob):
             pass  # the quick result stays
 
 
-def note_handles(of):
-    order = content.order_of_handles(of)
-    if of.compared_handles != order:
-        of.compared_handles = order
+def note_handles(ob):
+    order = content.order_of_handles(Subject(ob))
+    if ob.detail_deform.compared_handles != order:
+        ob.detail_deform.compared_handles = order
 
 
 def check_base(ob):
@@ -118,13 +119,13 @@ def check_base(ob):
         of.stale = stale
 
 
-def is_outdated(ob):
+def is_outdated(subject):
     """Whether handles were added, removed or reordered since the last comparison."""
-    return ob.detail_deform.compared_handles != content.order_of_handles(ob.detail_deform)
+    return subject.settings.compared_handles != content.order_of_handles(subject)
 
 
-def is_fit(ob, depsgraph):
-    return not ob.detail_deform.stale
+def is_fit(subject):
+    return not subject.settings.stale
 
 
 def is_for(ob, entry):
@@ -136,18 +137,17 @@ def is_for(ob, entry):
 
 # Made and lost
 
-def begin(ob, signature, roles, options, joined):
-    """Starts to bind, and returns the job. roles: content.Roles. joined: the object's split.WeldedMesh."""
-    of, triangles = ob.detail_deform, mesh_data.triangles(ob.data)
-    hung = content.hung(ob, roles.of_all, triangles)
-    placed.know(ob, signature, joined, triangles, hung)
-    space = proportions.bound(of)
-    told = options | {name: space.to(options[name]) for name in ('examples', 'base') if name in options}
+def begin(subject, signature, found, options, welded):
+    """Starts to bind, and returns the job. found: roles.Roles. welded: the object's split.WeldedMesh."""
+    triangles = mesh_data.triangles(subject.mesh)
+    hung = roles.hung(subject.mesh, found.of_all, triangles)
+    placed.know(subject, signature, welded, triangles, hung)
+    told = options | {name: subject.space.to(options[name]) for name in ('examples', 'base') if name in options}
     told['draft'] = _has_draft(len(hung))
-    parts = content.parts_to_bind(ob, roles, joined, triangles, hung)
-    if of.base == 'OBJECT':  # without a first update: the base may have moved by then
+    parts = content.parts_to_bind(subject, found, welded, triangles, hung)
+    if subject.settings.base == 'OBJECT':  # without a first update: the base may have moved by then
         return native.Bind(*parts[0].bind_arguments(), **told)
-    asked = look.quick(with_free(look.asked(of), of))
+    asked = look.quick(with_free(look.asked(subject.settings), subject))
     jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.options(told)), len(part.numbers), part.asked(asked))
             for part in parts]
     return jobs[0] if parts[0].is_whole and len(parts) == 1 else PartsJob(parts, jobs, len(hung))
@@ -158,18 +158,17 @@ def _has_draft(vertex_count):
     return vertex_count >= _DRAFT_FROM and not bpy.app.background
 
 
-def with_free(asked, of):
+def with_free(asked, subject):
     """The options of an update, with those for free handles if there are any."""
-    free = handle_matrices.are_free(of)
-    if not free.any():
+    if not subject.are_free.any():
         return asked
-    pivots = proportions.bound(of).to(handle_matrices.pivots(of))
-    return asked | {'handle_turns': free.astype(np.int32), 'pivots': pivots}
+    pivots = subject.space.to(handle_motions.pivots(subject))
+    return asked | {'handle_turns': subject.are_free.astype(np.int32), 'pivots': pivots}
 
 
 def job(ob):
-    joined = split.WeldedMesh(ob)
-    return begin(ob, content_of(ob), content.roles_of(ob, joined=joined), content.options(ob), joined)
+    subject, welded = Subject(ob), split.WeldedMesh(ob)
+    return begin(subject, content_of(ob), roles.of(subject, welded=welded), content.options(subject), welded)
 
 
 def refuse(ob, sentence):
@@ -187,7 +186,7 @@ def forget(ob):
     of = ob.detail_deform
     _forget(of)
     for handle in of.handles:
-        for name in handle_matrices.BINDING_PROPERTIES:
+        for name in handle_rests.BINDING_PROPERTIES:
             handle.property_unset(name)
     start.forget(ob.data)
     outside_base.forget_rest(of)
@@ -197,40 +196,37 @@ def forget(ob):
 
 # A frame
 
-def check_frame(ob):
+def check_frame(subject):
     try:
-        content.check_groups(ob)
+        subject.check_groups()
     except MeshProblem:
-        if not renamed_groups.update_names(ob):
+        if not renamed_groups.update_names(subject.ob):
             raise
-        check_frame(ob)  # another group may be missing
+        check_frame(Subject(subject.ob))  # another group may be missing
 
 
 class Frame:
     """The present motions of the handles, as kind.Frame."""
 
-    def __init__(self, ob, deformer, depsgraph):
-        of = ob.detail_deform
-        self._ob, self._deformer, self.is_draft = ob, deformer, deformer.is_draft
-        self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
-        record = shown.by(ob.data)
-        places = handle_matrices.local_transforms(ob, depsgraph, last=record and record.places)
-        motions, space = handle_matrices.motions(of, places), proportions.bound(of)
-        self._only_moved = handle_matrices.are_translations(motions)
-        self._motions, self._base = space.motions(motions), None
-        own = [not handle.mirrors for handle in handle_matrices.enabled_handles(of)]
-        self._places = None if of.base == 'OBJECT' else places[own]
-        self._asked = look.asked(of)
-        self._free = handle_matrices.are_free(of)
-        self.key = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
-                    mirror_plane.signature(ob), look.soft_border(of))
-        self._asked = with_free(self._asked, of)
+    def __init__(self, subject, deformer, record):
+        of = subject.settings
+        self._ob, self._deformer, self.is_draft = subject.ob, deformer, deformer.is_draft
+        transforms = handle_transforms.local_transforms(subject, last=record and record.transforms)
+        motions = handle_motions.motions(subject, transforms)
+        only_moved = handle_motions.are_translations(motions) & ~subject.are_free
+        self._only_moved = [subject.handles[number].name for number in np.flatnonzero(only_moved)]
+        self._motions, self._base = subject.space.motions(motions), None
+        self._transforms = None if of.base == 'OBJECT' else transforms[subject.own]
+        asked, self._soft_border = look.asked(of), look.soft_border(of)
+        self.key = (of.signature, self._motions.tobytes(), asked.copy(), subject.are_free.tobytes(),
+                    mirror_plane.signature(subject.ob), self._soft_border)
+        self._asked = with_free(asked, subject)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
-            self._base = space.to(outside_base.deformed_positions(ob, depsgraph))
+            self._base = subject.space.to(outside_base.deformed_positions(subject.ob, subject.depsgraph))
             self.key += (self._base.tobytes(),)
         elif look.knows_whole_turns(of):
-            self._turns = handle_matrices.turn_vectors(of, places, depsgraph, space.linear)
+            self._turns = handle_motions.turn_vectors(subject, transforms)
             self.key += (self._turns.tobytes(),)
 
     def by(self, deformer):
@@ -253,20 +249,18 @@ class Frame:
         asked = look.quick(told, share)
         self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
         found = self._deformer.offsets(self._motions, self._base, **asked)
-        return placed.offsets(self._ob, found, self._deformer.fades)
+        return placed.offsets(Subject(self._ob), found, self._deformer.fades)
 
     def _told(self):
         of_all = {**self._asked, 'turns': self._turns}
         if self._deformer.fades:
-            of_all['soft_border'] = look.soft_border(self._ob.detail_deform)
+            of_all['soft_border'] = self._soft_border
         return of_all
 
     def written(self, record, wait):
         """As kind.Frame: completes the record, and starts the slow result, or waits for it."""
         of = self._ob.detail_deform
-        record.places = self._places
-        record.only_moved = [self._handles[number] for number in
-                             np.flatnonzero(self._only_moved & ~self._free)]
+        record.transforms, record.only_moved = self._transforms, self._only_moved
         if self.is_draft:
             record.draft, record.is_final = self, False
             return

@@ -5,7 +5,7 @@ automatically."""
 import contextlib
 
 from ..library.options import NEAREST
-from ..scene import correspondence, mesh_data, mirror_plane, node_group, saved_match, source_pose
+from ..scene import correspondence, mesh_data, mirror_plane, saved_match, source_pose
 from ..scene.mesh_data import MeshProblem
 from . import made, placed, prepared
 
@@ -94,19 +94,19 @@ def check(ob):
     return ""
 
 
-def is_outdated(ob):
+def is_outdated(subject):
     return False
 
 
-def is_fit(ob, depsgraph):
+def is_fit(subject):
     """Whether there is a source to follow and a modifier that shows the result; else the problem is stored. False, too,
     while the source is in Edit Mode."""
-    of, problem = ob.detail_deform.transfer, ""
-    if of.source is None or not _is_in_a_scene(of.source, depsgraph):
+    of, problem = subject.settings.transfer, ""
+    if of.source is None or not _is_in_a_scene(of.source, subject.depsgraph):
         problem = GONE
     elif of.source.type != 'MESH':  # the property's poll function is not called for scripts
         problem = _NO_MESH
-    elif node_group.find_modifier(ob) is None:
+    elif subject.modifier is None:
         problem = _NOT_SHOWN
     if of.problem != problem and (problem or of.problem in {GONE, _NO_MESH, _NOT_SHOWN}):
         of.problem = problem
@@ -152,7 +152,7 @@ def forget(ob):
 
 # A frame
 
-def check_frame(ob):
+def check_frame(subject):
     pass
 
 
@@ -183,11 +183,11 @@ def _pose(source, depsgraph, wide):
 class Frame:
     """The source's present pose, as kind.Frame."""
 
-    def __init__(self, ob, transfer, depsgraph):
-        of = ob.detail_deform.transfer
-        self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
-        self._pose = _pose(of.source, depsgraph, transfer.wide)
-        self.key = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.signature(ob))
+    def __init__(self, subject, transfer, record):
+        of = subject.settings.transfer
+        self._ob, self._transfer, self._rotation_only = subject.ob, transfer, of.rotation_only
+        self._pose = _pose(of.source, subject.depsgraph, transfer.wide)
+        self.key = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.signature(subject.ob))
 
     is_hurried = is_draft = False
 

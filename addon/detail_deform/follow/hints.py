@@ -5,9 +5,10 @@ import numpy as np
 
 from .. import session
 from ..library import native
-from ..scene import components, examples, feedback, handle_matrices, mesh_data, split
+from ..scene import components, examples, feedback, mesh_data, split, world_transforms
 from ..scene.mesh_data import MeshProblem
-from . import content, misshapen, registry
+from ..scene.subject import Subject, enabled_handles, with_empties
+from . import misshapen, registry, roles
 
 # Largest displacement by an example of fixed vertices beside the region, as a fraction of that of the region. Above it
 # a warning: lower values warn of examples that fade out, higher ones miss visible stubs.
@@ -17,27 +18,27 @@ _MOST = 256
 _of_regions = session.Memo(_MOST)  # {(signature, method): sentences}, as reading groups is slow
 
 
-def of_region(ob, roles=None, joined=None):
-    """Warnings about the region and the examples of a bound object; memoized. roles: its content.Roles, joined: its
+def of_region(ob, found=None, welded=None):
+    """Warnings about the region and the examples of a bound object; memoized. found: its roles.Roles, welded: its
     split.WeldedMesh, if the caller has them."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
-            joined = joined or split.WeldedMesh(ob)
-            roles = roles or content.roles_of(ob, joined=joined)
-            found = list(_of_region(ob, roles, joined.representatives(mesh_data.edges(ob.data))))
+            welded = welded or split.WeldedMesh(ob)
+            found = found or roles.of(Subject(ob), welded=welded)
+            sentences = list(_of_region(ob, found, welded.representatives(mesh_data.edges(ob.data))))
         except MeshProblem:  # the object is stale, or about to be
             return ()
-        return _of_regions.put(key, found)
+        return _of_regions.put(key, sentences)
     return _of_regions.get(key)
 
 
-def _of_region(ob, roles, edges):
+def _of_region(ob, found, edges):
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return
-    handles, rigid = handle_matrices.enabled_handles(settings), []
-    for part in roles.parts:
+    handles, rigid = enabled_handles(settings), []
+    for part in found.parts:
         of_part, near = _around(part, edges)
         free, fixed = of_part == native.ROLE_FREE, of_part == native.ROLE_FIXED
         row = _beside(near, fixed) & _beside(near, of_part >= 0)
@@ -54,9 +55,9 @@ def _of_region(ob, roles, edges):
         names = ', '.join(f"'{name}'" for name in rigid)
         yield (f"Region or Reach hold all of the loose part that these handles are on, one each, so the part moves as "
                f"a whole: {names}. To bend it make them smaller (By Radius), or add a handle that stays.")
-    if settings.method == 'EXAMPLES' and roles.parts[0].is_whole:
-        fixed = roles.of_all == native.ROLE_FIXED
-        yield from _of_examples(ob, ~fixed, fixed & _beside(edges, roles.of_all == native.ROLE_FREE))
+    if settings.method == 'EXAMPLES' and found.parts[0].is_whole:
+        fixed = found.of_all == native.ROLE_FIXED
+        yield from _of_examples(ob, ~fixed, fixed & _beside(edges, found.of_all == native.ROLE_FREE))
 
 
 def _around(part, edges):
@@ -116,7 +117,7 @@ def _of_examples(ob, region, border):
 def goes_by_its_mesh(ob):
     """(name, reason) of a handle whose empty depends on vertices that it moves (a feedback loop), or None."""
     search = feedback.FeedbackSearch(ob)
-    for handle in handle_matrices.with_empties(ob.detail_deform):
+    for handle in with_empties(ob.detail_deform):
         why = handle.target and search.through_transform(handle.target)
         if why:
             return handle.name, why
@@ -125,21 +126,21 @@ def goes_by_its_mesh(ob):
 
 def gone_empties(ob, depsgraph):
     """Names of handles whose empties were deleted."""
-    whereabouts = handle_matrices.ObjectPresence(depsgraph)
-    return [handle.name for handle in handle_matrices.with_empties(ob.detail_deform)
+    whereabouts = world_transforms.ObjectPresence(depsgraph)
+    return [handle.name for handle in with_empties(ob.detail_deform)
             if whereabouts.is_deleted(handle.target)]
 
 
 def is_posed_alike(ob, other):
     """Whether the empties that ob shares are children of other: then motions are relative to other, and both get the
     same pose."""
-    return all(handle.target.parent == other for handle in handle_matrices.enabled_handles(ob.detail_deform)
+    return all(handle.target.parent == other for handle in enabled_handles(ob.detail_deform)
                if handle.target and handle.target == handle.own_target and handle.target.parent != ob)
 
 
 def shares_empties_with(ob):
     """The object of which ob is a copy, or a copy of ob, if both have the same empties; None if ob has its own."""
-    for handle in handle_matrices.enabled_handles(ob.detail_deform):
+    for handle in enabled_handles(ob.detail_deform):
         empty = handle.target
         if empty is None or empty.parent == ob or handle.own_target != empty:
             continue

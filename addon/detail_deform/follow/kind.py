@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 class Frame(Protocol):
     """The input of one update of an object: its handles' motions or its source's pose. They are read when the frame is
-    constructed, from an object, a deformer or transfer, and a depsgraph."""
+    constructed, from a Subject, a deformer or transfer, and the shown.Shown of the last frame, or None."""
     key: Any
     """Equal keys mean equal results."""
     is_hurried: bool
@@ -46,13 +46,13 @@ class Kind(Protocol):
     def is_live(self, ob):
         """Whether it is updated automatically, without Update being pressed."""
 
-    def is_outdated(self, ob):
+    def is_outdated(self, subject):
         """Whether check() is needed before the next frame."""
 
     def check(self, ob):
         """Compares the present content with the one that was bound. A sentence if the binding is lost, else ''."""
 
-    def is_fit(self, ob, depsgraph):
+    def is_fit(self, subject):
         """Whether it can be updated at present."""
 
     def is_for(self, ob, entry):
@@ -68,5 +68,5 @@ class Kind(Protocol):
     def forget(self, ob):
         """Removes all data of this kind from the object."""
 
-    def check_frame(self, ob):
+    def check_frame(self, subject):
         """Raises MeshProblem for faults that would make a frame wrong, such as missing vertex groups."""

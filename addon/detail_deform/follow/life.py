@@ -13,6 +13,7 @@ import bpy
 from .. import session, timers
 from ..library import native
 from ..scene import attribute_reaches, node_group, offset_attribute, renamed_groups
+from ..scene.subject import Subject
 from ..scene.window import redraw_panels
 from . import bound, drag, fed, problem_vertices, registry, shown, slow_results, words
 from .kind import Kind
@@ -58,18 +59,19 @@ def refresh(ob, depsgraph, force=False):
     kind = kind_of(ob)
     if kind is None or ob.mode == 'EDIT':
         return
-    if kind.is_outdated(ob):
+    subject = Subject(ob, depsgraph)
+    if kind.is_outdated(subject):
         check(ob)
-    if not (kind.has(ob) and kind.is_fit(ob, depsgraph) and (force or node_group.is_shown(ob, depsgraph))):
+    if not (kind.has(ob) and kind.is_fit(subject) and (force or node_group.is_shown(subject.modifier, depsgraph))):
         return
     wait, problem, before = must_wait(depsgraph), "", offset_attribute.token(ob.data)
     try:
         registry.check_mesh(ob)
         offset_attribute.check_name(ob)
-        kind.check_frame(ob)
-        entry = _made(kind, ob, depsgraph, wait)
+        kind.check_frame(subject)
+        entry = _made(kind, subject, wait)
         if entry:
-            problem = _show(kind, ob, entry, depsgraph, force, wait) or attribute_reaches.why_not(ob, depsgraph)
+            problem = _show(kind, subject, entry, force, wait) or attribute_reaches.why_not(subject)
         elif not kind.has(ob):  # check() has ended it, and stored why
             return
     except words.TOLD as error:
@@ -99,15 +101,15 @@ def render_begins(members):
             ob.detail_deform.render_problem = ""
 
 
-def _show(kind, ob, entry, depsgraph, force, wait):
+def _show(kind, subject, entry, force, wait):
     """Writes the frame to the mesh. Returns the problem of the result, or ''."""
-    start = time.perf_counter()
-    frame = kind.Frame(ob, entry.made, depsgraph)
-    record, share = shown.by(ob.data), 1.0 if force or wait else drag.share(entry.full_ms)
+    start, record = time.perf_counter(), shown.by(subject.mesh)
+    frame = kind.Frame(subject, entry.made, record)
+    share = 1.0 if force or wait else drag.share(entry.full_ms)
     if not force and record is not None and (record.key, record.is_draft) == (frame.key, frame.is_draft) and (
-            record.will_do(wait, share) or not wait and _is_to_follow(ob, record)):
+            record.will_do(wait, share) or not wait and _is_to_follow(subject.mesh, record)):
         return record.problem
-    record = shown.show(ob.data, frame.offsets(share), frame.key)
+    record = shown.show(subject.mesh, frame.offsets(share), frame.key)
     entry.update_ms = 1e3 * (time.perf_counter() - start)
     if frame.is_hurried:
         record.is_hurried = True
@@ -117,9 +119,9 @@ def _show(kind, ob, entry, depsgraph, force, wait):
     return record.problem
 
 
-def _is_to_follow(ob, record):
+def _is_to_follow(mesh, record):
     """Whether the refined result is being computed for a quick one that a drag has shown."""
-    return record.is_hurried and slow_results.progress(offset_attribute.token(ob.data)) is not None
+    return record.is_hurried and slow_results.progress(offset_attribute.token(mesh)) is not None
 
 
 def is_drafted(ob):
@@ -207,17 +209,17 @@ def check(ob):
 
 # Made
 
-def _made(kind, ob, depsgraph, wait):
+def _made(kind, subject, wait):
     """The cache entry for the object's content. While it is being made, that of its draft, if there is one, else None;
     None also if the object is stale. Raises MeshProblem or native.NativeError."""
-    cache = kind.cache
+    cache, ob = kind.cache, subject.ob
     entry = cache.find(kind.content_of(ob))
     if entry and kind.is_for(ob, entry):
         return entry
     if not cache.under_way(kind.content_of(ob)):
         native.library()
         check(ob)
-        if not (kind.has(ob) and kind.is_fit(ob, depsgraph)):
+        if not (kind.has(ob) and kind.is_fit(subject)):
             return None
     content = kind.content_of(ob)
     under_way = cache.under_way(content)

@@ -9,7 +9,7 @@ once. The list is dropped before undo and loading, which replace the objects tha
 import bpy
 
 from .. import session
-from ..scene import handle_matrices, mesh_data, node_group
+from ..scene import mesh_data, node_group, world_transforms
 from ..scene.mesh_data import MeshProblem
 from . import shown
 
@@ -48,7 +48,7 @@ def members():
 
 def of_scene(depsgraph):
     """The members in the scene that this depsgraph evaluates."""
-    return [ob for ob in members() if handle_matrices.in_scene(ob, depsgraph)]
+    return [ob for ob in members() if world_transforms.in_scene(ob, depsgraph)]
 
 
 def check_mesh(ob):

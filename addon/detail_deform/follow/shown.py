@@ -19,7 +19,7 @@ class Shown:
     def __init__(self, key):
         self.key = key  # equal keys mean equal results
         self.moves = True  # whether any offset is non-zero
-        self.places = None  # of the empties of enabled handles, in the object's space
+        self.transforms = None  # of the empties of enabled handles, in the object's space
         self.only_moved = ()  # names of the handles that were translated without a rotation or scale
         self.example_weights = ()  # the weight of each example in the pose
         self.is_final = True  # no slower, better result of the same pose is to replace it

@@ -3,6 +3,7 @@
 
 from ..library import native
 from ..scene import offset_attribute
+from ..scene.subject import Subject
 from ..scene.window import redraw_panels
 from . import placed, registry, shown, slow_results, words
 
@@ -43,7 +44,7 @@ class SlowUpdate:
         quick = [(ob, shown.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
         for ob, record in quick:
             if record is not None:
-                shown.show_slow(ob.data, placed.offsets(ob, offsets, self.deformer.fades), record, info)
+                shown.show_slow(ob.data, placed.offsets(Subject(ob), offsets, self.deformer.fades), record, info)
         redraw_panels()
 
     def refuse(self, error):

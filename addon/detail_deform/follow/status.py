@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..scene import (attribute_reaches, carried, examples, handle_matrices, node_group, offset_attribute, posers,
-                     proportions, stack)
+from ..scene import attribute_reaches, carried, examples, node_group, offset_attribute, posers, proportions, stack
+from ..scene.subject import enabled_handles
 from . import bound, hints, look, shown, slow_results, words
 
 
@@ -96,7 +96,7 @@ def _count(number, one, many):
 
 
 def _summary(settings, info):
-    handles = [handle.name for handle in handle_matrices.enabled_handles(settings)]
+    handles = [handle.name for handle in enabled_handles(settings)]
     movers = [f"'{handles[0]}'" if len(handles) == 1 else f"{len(handles):,} handles"] * bool(handles)
     if settings.base == 'OBJECT' and settings.base_object:
         movers.insert(0, f"the base '{settings.base_object.name}'")
@@ -169,11 +169,11 @@ def _remarks(ob, info):
                "that its parts are apart when you bind.")
     settings = ob.detail_deform
     if (info.handle_count == 1 and not settings.region and settings.base == 'COMPUTED'
-            and not handle_matrices.enabled_handles(settings)[0].reach):
+            and not enabled_handles(settings)[0].reach):
         yield ("The only handle takes the whole mesh along, because nothing holds it: make a region (By Radius), or "
                "add a handle that stays.")
     if info.idle_handle_count:
-        idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example]
+        idle = enabled_handles(settings)[info.idle_handle_example]
         idle_ones = f"{_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle.name}')"
         if idle.reach:
             yield (f"Nothing follows {idle_ones}: no vertex of its reach is beside it. Give its Reach more vertices, "

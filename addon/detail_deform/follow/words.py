@@ -3,7 +3,8 @@
 about, by number, and what can be done), with the names of handles and examples and the labels of buttons."""
 
 from ..library.native import NativeError
-from ..scene import examples, handle_matrices
+from ..scene import examples
+from ..scene.subject import enabled_handles
 from ..scene.mesh_data import MeshProblem
 
 TOLD = (MeshProblem, NativeError, MemoryError)  # exceptions that are shown to the user as a sentence
@@ -60,7 +61,7 @@ def sentence(error):
 
 def _names(ob):
     settings = ob.detail_deform
-    return {'HANDLE': [f"Handle '{handle.name}'" for handle in handle_matrices.enabled_handles(settings)],
+    return {'HANDLE': [f"Handle '{handle.name}'" for handle in enabled_handles(settings)],
             'EXAMPLE': [f"Example '{examples.title(example)}'" for example in examples.enabled(settings)]}
 
 

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..follow import hints, life
-from ..scene import handle_matrices, handle_owners, mesh_data
+from ..scene import handle_owners, handle_rests, mesh_data
 from ..scene.selection import activate, go_to
 from ..setup import at_rest, handle_setup, mirroring, own_empties, region_setup
 from .operator_base import HandleEmptyOperator, MeshOperator
@@ -129,7 +129,7 @@ class OBJECT_OT_detail_deform_handle_reset(HandleEmptyOperator, _HandleOperator,
 
     @classmethod
     def poll_object(cls, ob):
-        if not any(handle_matrices.has_rest(h) for h in ob.detail_deform.handles):
+        if not any(handle_rests.has_rest(h) for h in ob.detail_deform.handles):
             cls.poll_message_set("No handle was bound, so none has a rest place: press Bind first")
             return False
         return True

@@ -10,10 +10,11 @@ import bpy
 import numpy as np
 
 from .. import session
-from ..follow import binding, bound, content, life, look, placed
+from ..follow import binding, bound, life, look, placed, roles
 from ..library import native
-from ..scene import handle_matrices, posers, proportions, start
+from ..scene import posers, start
 from ..scene.mesh_data import MeshProblem
+from ..scene.subject import Subject
 from . import pose_frames, posed_examples
 from .pose_samples import Samples, size
 
@@ -82,28 +83,27 @@ class _ByHandles:
     """Reconstructs poses from the examples and the motions of the handles."""
 
     def __init__(self, ob):
-        settings = ob.detail_deform
-        self._ob, self._deformer = ob, bound.cache.find(settings.signature).made
-        roles = content.roles(ob)
-        self._parts = [np.flatnonzero(roles == number)
-                       for number in range(len(handle_matrices.enabled_handles(settings)))]
-        self._free, self._is_free = handle_matrices.are_free(settings), roles == native.ROLE_FREE
+        subject, settings = Subject(ob), ob.detail_deform
+        self._subject, self._deformer = subject, bound.cache.find(settings.signature).made
+        of_all = roles.of(subject).of_all
+        self._parts = [np.flatnonzero(of_all == number) for number in range(len(subject.handles))]
+        self._free, self._is_free = subject.are_free, of_all == native.ROLE_FREE
         arguments = look.asked(settings)
         arguments.pop('example_weights', None)
-        self._update_arguments = bound.with_free(look.quick(arguments), settings)
+        self._update_arguments = bound.with_free(look.quick(arguments), subject)
         if self._deformer.fades:
             self._update_arguments['soft_border'] = look.soft_border(settings)
         self._bound, self._rest = start.shape(ob).astype(np.float64), start.undeformed_shape(ob)
 
     def errors(self, positions):
         """(k,) distances of the free vertices, as reconstructed, from a pose. positions: (n, 3), the pose."""
-        motions = np.array([motion[:3] for motion in start.rigid_motions_to(self._ob, self._parts, positions)])
+        motions = np.array([motion[:3] for motion in start.rigid_motions_to(self._subject.ob, self._parts, positions)])
         for number in np.flatnonzero(self._free):  # free handles: translations only
             part = self._parts[number]
             motions[number] = np.eye(4)[:3]
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
-        motions = proportions.bound(self._ob.detail_deform).motions(motions)
-        found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._update_arguments),
+        motions = self._subject.space.motions(motions)
+        found = placed.offsets(self._subject, self._deformer.offsets(motions, **self._update_arguments),
                                self._deformer.fades)
         return np.linalg.norm(self._rest + found.reshape(-1, 3) - positions, axis=1)[self._is_free]
 

@@ -8,16 +8,16 @@ _MAY_REPLACE = {'NODES', 'REMESH', 'SKIN', 'MESH_SEQUENCE_CACHE', 'OCEAN', 'FLUI
                 'VOLUME_TO_MESH'}
 
 
-def why_not(ob, depsgraph):
+def why_not(subject):
     """A sentence where modifiers before Detail Deform replace the mesh, so that the offsets don't reach it; or ''.
     Fast enough for every update."""
-    ours = node_group.find_modifier(ob)
-    shown = [m for m in ob.modifiers if m == ours or _may_replace(m, depsgraph)]
+    ours, depsgraph = subject.modifier, subject.depsgraph
+    shown = [m for m in subject.ob.modifiers if m == ours or _may_replace(m, depsgraph)]
     before = shown[:shown.index(ours)] if ours else []
     # If one after Detail Deform may remove the attribute again, its absence proves nothing.
     if not before or shown[-1] != ours:
         return ""
-    into, out_of = ob.data.evaluated_get(depsgraph), ob.evaluated_get(depsgraph).data
+    into, out_of = subject.mesh.evaluated_get(depsgraph), subject.ob.evaluated_get(depsgraph).data
     if offset_attribute.find(into) is None or out_of is None or offset_attribute.find(out_of) is not None:
         return ""
     names = ' or '.join(f"'{m.name}'" for m in before)
@@ -35,5 +35,4 @@ def influence_gone(ob):
 
 
 def _may_replace(modifier, depsgraph):
-    return modifier.type in _MAY_REPLACE and (
-        modifier.show_render if depsgraph.mode == 'RENDER' else modifier.show_viewport)
+    return modifier.type in _MAY_REPLACE and node_group.is_shown(modifier, depsgraph)

@@ -8,7 +8,8 @@ recovered from sample vertices whose positions are stored at Bind, as text that 
 
 import numpy as np
 
-from . import handle_matrices, mesh_data, offset_attribute, outside_base
+from . import handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base
+from .subject import with_empties
 from .offset_attribute import DISPLAYED_OFFSETS, PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS
 
 _SAMPLES = 64  # vertices, evenly spaced by index; an affine map needs four in general position, more reveal edits
@@ -94,7 +95,7 @@ def carry(ob, change):
                 # For a handle that mirrors another it is a motion, not a transform: conjugated.
                 setattr(handle, name, (change @ transform @ (back if handle.mirrors else np.eye(4))).ravel().tolist())
         if any(handle.pose_matrix):
-            handle.pose_matrix = (change @ handle_matrices.pose_matrix_of(handle) @ back).ravel().tolist()
+            handle.pose_matrix = (change @ handle_transforms.pose_matrix_of(handle) @ back).ravel().tolist()
     if any(settings.base_rest_matrix):
         transform = np.array(settings.base_rest_matrix, np.float64).reshape(4, 4)
         settings.base_rest_matrix = (change @ transform).ravel().tolist()
@@ -116,11 +117,11 @@ def transforms(ob, depsgraph):
     enabled handles. Raises MeshProblem."""
     if ob.detail_deform.base == 'OBJECT':
         return outside_base.transform(ob, depsgraph)[None]
-    return handle_matrices.transforms_of(ob, handle_matrices.with_empties(ob.detail_deform), depsgraph)
+    return handle_transforms.transforms_of(ob, with_empties(ob.detail_deform), depsgraph)
 
 
 def rest_transforms(settings):
     """(k, 4, 4) float64: the rest transforms of the same."""
     if settings.base == 'OBJECT':
         return np.array(settings.base_rest_matrix, np.float64).reshape(1, 4, 4)
-    return np.array([handle_matrices.rest_transform(handle) for handle in handle_matrices.with_empties(settings)])
+    return np.array([handle_rests.rest_transform(handle) for handle in with_empties(settings)])

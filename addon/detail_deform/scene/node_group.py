@@ -115,8 +115,8 @@ def find_cache(ob):
     return cache if cache and cache.type == 'MESH_CACHE' else None
 
 
-def is_shown(ob, depsgraph):
-    modifier = find_modifier(ob)
+def is_shown(modifier, depsgraph):
+    """Whether a modifier, or None, has an effect in the viewport, or in renders where the depsgraph is a render's."""
     return modifier is not None and (
         modifier.show_render if depsgraph.mode == 'RENDER' else modifier.show_viewport)
 

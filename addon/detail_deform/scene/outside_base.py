@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import handle_matrices, mesh_data, offset_attribute, partial_evaluation, start
+from . import mesh_data, offset_attribute, partial_evaluation, start, world_transforms
 from .mesh_data import MeshProblem
 
 
@@ -49,8 +49,8 @@ def rest(ob):
 
 def transform(ob, depsgraph):
     """(4, 4): from the base object's present local space to the object's."""
-    world = handle_matrices.evaluated_world(_base_object(ob), depsgraph, "Base object")
-    return handle_matrices.world_to_local(ob, depsgraph) @ world
+    world = world_transforms.evaluated_world(_base_object(ob), depsgraph, "Base object")
+    return world_transforms.world_to_local(ob, depsgraph) @ world
 
 
 def deformed_positions(ob, depsgraph):

@@ -9,7 +9,7 @@ large enough to be seen.
 
 import numpy as np
 
-from . import examples, handle_matrices, mesh_data, node_group, offset_attribute, proportions
+from . import examples, handle_rests, mesh_data, node_group, offset_attribute, proportions
 from .offset_attribute import PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS
 
 
@@ -143,7 +143,7 @@ def forget_foreign(ob):
     """Removes attributes that came with another object's data, as by Join, if this object is not and never was
     bound."""
     settings = ob.detail_deform
-    if not settings.signature and not any(map(handle_matrices.has_home, settings.handles)):
+    if not settings.signature and not any(map(handle_rests.has_home, settings.handles)):
         forget(ob.data)
         offset_attribute.remove(ob.data)
 

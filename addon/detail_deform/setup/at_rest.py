@@ -6,15 +6,16 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from ..follow import binding, life
-from ..scene import displayed, handle_matrices, mesh_data, skin
+from ..scene import displayed, handle_rests, handle_transforms, mesh_data, skin, world_transforms
+from ..scene.subject import with_empties
 from . import empties
 
 
 def bring_back(context, ob):
     """Restores the deleted empties of an object's handles: links those that still exist in the file, and makes new ones
     for the others."""
-    presence = handle_matrices.ObjectPresence(context.evaluated_depsgraph_get())
-    lost = [handle for handle in handle_matrices.with_empties(ob.detail_deform)
+    presence = world_transforms.ObjectPresence(context.evaluated_depsgraph_get())
+    lost = [handle for handle in with_empties(ob.detail_deform)
             if presence.is_deleted(handle.target)]
     for empty in {handle.target for handle in lost if handle.target}:
         empties.collection_of(context, ob).objects.link(empty)
@@ -30,7 +31,7 @@ def _make_empties(context, ob, handles):
     placed = empties.placements(ob, list(filter(len, parts)), align=False)
     for handle, part in zip(handles, parts):
         world = ob.matrix_world @ Matrix(
-            (handle_matrices.pose_matrix_of(handle) @ handle_matrices.rest_transform(handle)).tolist())
+            (handle_transforms.pose_matrix_of(handle) @ handle_rests.rest_transform(handle)).tolist())
         extent = next(placed)[1] if len(part) else 0.05 * max(ob.dimensions)
         size = max(extent, 1e-3)
         empty, _ = empties.make(context, ob, handle.name, empties.without_shear(world, Vector((1, 1, 1))), size, ob)
@@ -38,7 +39,7 @@ def _make_empties(context, ob, handles):
     context.view_layer.update()
     depsgraph = context.evaluated_depsgraph_get()
     for handle in handles:
-        handle_matrices.start_from_new_empty(ob, handle, depsgraph)
+        handle_transforms.start_from_new_empty(ob, handle, depsgraph)
 
 
 def _parts_of(ob, handles):
@@ -51,7 +52,7 @@ def _parts_of(ob, handles):
 def to_rest(context, ob, handles):
     """Moves the handles' empties to their homes, where the surface is undeformed. Does nothing to handles without a
     home or an empty."""
-    movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
+    movable = [h for h in handles if h.target and handle_rests.has_home(h)]
     _store_pose_matrices(context, ob, [h for h in movable if not h.target.animation_data])
     by_depth = {}
     for handle in movable:
@@ -64,12 +65,12 @@ def to_rest(context, ob, handles):
 
 
 def _put_home(ob, handle, depsgraph):
-    posing = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_matrices.pose_matrix_of(handle)
-    world = ob.matrix_world @ Matrix((posing @ handle_matrices.home_transform(handle)).tolist())
+    posing = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_transforms.pose_matrix_of(handle)
+    world = ob.matrix_world @ Matrix((posing @ handle_rests.home_transform(handle)).tolist())
     handle.target.matrix_world = empties.without_shear(world) if any(handle.pose_matrix) else world
     mode = handle.target.rotation_mode
     if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix has no whole turns: take those of home
-        home = Euler(handle_matrices.home_euler(handle, mode), mode)
+        home = Euler(handle_rests.home_euler(handle, mode), mode)
         handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
 
 

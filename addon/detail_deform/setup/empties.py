@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..scene import handle_matrices, mesh_data, skin, start, window
+from ..scene import handle_transforms, mesh_data, skin, start, window
 
 _COLLECTION_NAME = "{} Handles"
 
@@ -127,5 +127,5 @@ def without_shear(matrix, scale=None):
 
 
 def store_pose_matrix(ob, handle, similarity, depsgraph):
-    handle_matrices.set_pose_matrix(
-        handle, handle_matrices.pose_matrix_beside_bone(ob, handle.target, similarity, depsgraph))
+    handle_transforms.set_pose_matrix(
+        handle, handle_transforms.pose_matrix_beside_bone(ob, handle.target, similarity, depsgraph))

@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..follow import life
-from ..scene import displayed, handle_matrices, mesh_data, selection, skin, start, users
+from ..scene import displayed, handle_rests, handle_transforms, mesh_data, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
 from . import empties
 
@@ -90,11 +90,11 @@ def store_homes(context, ob, handles, parts):
     if not ob.detail_deform.signature:
         return
     context.view_layer.update()  # evaluates the matrices of the new empties
-    transforms = handle_matrices.transforms_of(ob, handles, context.evaluated_depsgraph_get())
+    transforms = handle_transforms.transforms_of(ob, handles, context.evaluated_depsgraph_get())
     for handle, transform, motion in zip(handles, transforms, start.rigid_motions(ob, parts)):
         home = Matrix((np.linalg.inv(motion) @ transform).tolist())
         home = ob.matrix_world.inverted_safe() @ empties.without_shear(ob.matrix_world @ home)
-        handle_matrices.set_home(handle, np.array(home))
+        handle_rests.set_home(handle, np.array(home))
 
 
 def append(ob, group_name, empty):
@@ -113,7 +113,7 @@ def remove_handles(ob, indices):
     handles = [ob.detail_deform.handles[index] for index in indices]
     groups = users.needed_groups(ob, [name for handle in handles for name in (handle.own_group, handle.own_reach)])
     needed = users.needed_empties(ob, filter(None, (handle.own_target for handle in handles)))
-    handle_matrices.convert_for_copies(ob, needed)
+    handle_transforms.convert_for_copies(ob, needed)
     for index in sorted(indices, reverse=True):
         _remove_handle(ob, index, groups, needed)
 

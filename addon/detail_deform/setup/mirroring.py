@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, kdtree
 
-from ..scene import displayed, handle_matrices, mesh_data, selection, skin, start
+from ..scene import displayed, handle_motions, handle_rests, handle_transforms, mesh_data, selection, skin, start
 from ..scene.mesh_data import MeshProblem
 from . import empties, handle_setup, region_setup
 
@@ -48,9 +48,9 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     source = handle.target
     depsgraph = context.evaluated_depsgraph_get()
     # A bound handle may be posed: its home is mirrored, which gives the home of the image.
-    local = (handle_matrices.home_transform(handle) if handle_matrices.has_rest(handle) else
-             handle_matrices.local_transform(ob, handle, depsgraph))
-    flip = handle_matrices.reflection('XYZ'[axis])
+    local = (handle_rests.home_transform(handle) if handle_rests.has_rest(handle) else
+             handle_transforms.local_transform(ob, handle, depsgraph))
+    flip = handle_motions.reflection('XYZ'[axis])
     world = ob.matrix_world @ Matrix((start.rigid_motion(ob, image) @ flip @ local @ flip).tolist())
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import displayed, handle_matrices, loose, mesh_data, selection, split, users
+from ..scene import displayed, loose, mesh_data, selection, split, users
+from ..scene.subject import enabled_handles
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import deformed_positions
 
@@ -102,7 +103,7 @@ def starting_vertices(ob):
         chosen = selection.selected(ob)
         if chosen.any():
             return chosen
-    groups = [h.vertex_group for h in handle_matrices.enabled_handles(ob.detail_deform)
+    groups = [h.vertex_group for h in enabled_handles(ob.detail_deform)
               if h.vertex_group in ob.vertex_groups]
     chosen = mesh_data.members(ob, *groups)
     if not chosen.any():

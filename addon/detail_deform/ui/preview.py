@@ -8,7 +8,8 @@ import numpy as np
 
 from .. import session
 from ..results import missing_examples
-from ..scene import handle_matrices, mesh_data, saved_match, shaders
+from ..scene import mesh_data, saved_match, shaders
+from ..scene.subject import enabled_handles
 
 _POINT_SIZE = 4.0  # pixels
 _NEARER = 0.004  # of the distance to the eye, by which points are offset so that the surface doesn't hide them
@@ -66,7 +67,7 @@ def vertex_colours(ob):
         return bad + match[:, None] * (good - bad)
     if not (settings.preview or settings.transfer.show_match):
         return None  # only the errors are to show
-    handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
+    handles = [h for h in enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
     winner, inside, _ = mesh_data.handles_of_vertices(ob, region, [h.vertex_group for h in handles])
     reaches = {h.reach for h in handles if h.reach in ob.vertex_groups}
