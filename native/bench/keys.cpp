@@ -236,8 +236,8 @@ int main(int argc, char** argv) try {
       const dd::PointOnTriangle point =
           tree.nearest(target.positions.row(v).transpose(), box, [](int) { return true; });
       for (int k = 0; k < 3; ++k)
-        nearest.row(v) +=
-            point.weights[k] * moves.row(source.triangles(point.triangle, k)) * turn.transpose();
+        nearest.row(v) += point.barycentric[k] * moves.row(source.triangles(point.triangle, k)) *
+                          turn.transpose();
     }
     const Positions found[kWays] = {gradients.apply(pose, false), places.apply(pose, false),
                                     displacements.apply(pose, false), nearest};

@@ -75,7 +75,7 @@ SmoothArapResult deform_with_smooth_arap(const Mesh& mesh, const std::vector<int
                                          const test::Affine& motion, const SmoothArap& settings) {
   SmoothArapResult result;
   const auto prepare = Clock::now();
-  const Region region = split_region(mesh, roles, 1);
+  const Region region = make_region(mesh, roles, 1);
   const Energy energy(mesh, settings.lambda);
   const SparseMatrix matrix = energy.matrix();
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(free_block(matrix, region));

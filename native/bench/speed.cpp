@@ -213,7 +213,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   block_options.dissection = &dissection;
   const dd::SparseCholesky own = dd::factor_free_block(poisson, region, block_options);
   const dd::Rows panel = dd::Rows::Random(own.symbolic().slotted_size(), 4);
-  dd::SparseCholesky::Space space;
+  dd::SparseCholesky::SolveScratch space;
   std::vector<float> out(3 * static_cast<size_t>(scene.mesh.vertex_count()));
   const auto update = [&](dd::Deformer& deformer, int iterations) {
     return [&deformer, &out, &scene, options = refined(iterations)] {
@@ -288,7 +288,7 @@ void bind(const Scene& scene, Report& report) {
   contest.enter("bind", "bind", [&] { bound = scene.bound(1); });
   contest.enter("bind_2_threads", "  by 2 threads", [&] { bound = scene.bound(2); });
 #if defined(DD_HAVE_CHOLMOD) || defined(DD_HAVE_PARDISO)
-  const dd::Region region = dd::split_region(scene.mesh, scene.roles, 1);
+  const dd::Region region = dd::make_region(scene.mesh, scene.roles, 1);
   const dd::SurfaceOperators operators =
       dd::surface_operators(scene.mesh.positions, scene.mesh.triangles);
   const dd::SparseMatrix L = dd::free_block(operators.laplacian, region);

@@ -59,7 +59,7 @@ Times timed_own(const SparseMatrix& A) {
   times.factor =
       median([&] { factor = std::make_unique<dd::SparseCholesky>(A, symbolic, options); });
   const dd::Rows right = dd::Rows::Random(symbolic->slotted_size(), 4);
-  dd::SparseCholesky::Space space;
+  dd::SparseCholesky::SolveScratch space;
   times.solve = median([&] {
     factor->solve_in_order(right.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
   });
@@ -118,7 +118,7 @@ int main(int argc, char** argv) {
   for (const Example& example : examples) {
     const dd::Mesh& mesh = example.mesh;
     const auto roles = barely_held(mesh);
-    const dd::Region region = dd::split_region(mesh, roles, 1);
+    const dd::Region region = dd::make_region(mesh, roles, 1);
     const auto operators = dd::surface_operators(mesh.positions, mesh.triangles);
     const SparseMatrix surface = dd::free_block(operators.laplacian, region);
 

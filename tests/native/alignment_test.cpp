@@ -17,7 +17,7 @@ void check_same(const Alignment& a, const Alignment& b) {
   CHECK(a.placement.rotation == b.placement.rotation);
   CHECK(a.placement.scale == b.placement.scale);
   CHECK(a.placement.shift == b.placement.shift);
-  CHECK(a.partner == b.partner);
+  CHECK(a.map_target == b.map_target);
   CHECK(a.lies_on == b.lies_on);
   CHECK(a.ambiguous == b.ambiguous);
 }
@@ -63,7 +63,7 @@ TEST_CASE("two legs, one of which stands where the other stood, are told apart",
   // Registration by nearest points alone takes one leg for the other.
   Alignment placed = align(source, target, {});
   REQUIRE(placed.lies_on);
-  placed.partner.clear();
+  placed.map_target.clear();
   placed.lies_on = false;
   CHECK(test::mean_error(register_onto(source, target, {}, placed, {}), truth, is_of_leg) > 0.1);
 }
@@ -154,7 +154,7 @@ TEST_CASE("the number of threads changes nothing of a match without markers", "[
   };
   const Alignment alone = found(1);
   REQUIRE(alone.lies_on);
-  REQUIRE(alone.partner.empty() == lacking);
+  REQUIRE(alone.map_target.empty() == lacking);
   const Positions by_one = fitted(1);
   for (const int threads : {2, 8}) {
     check_same(found(threads), alone);

@@ -38,7 +38,7 @@ TEST_CASE("no order of columns costs less than the least assignment") {
     for (int i = 0; i < 20; ++i) {
       Eigen::MatrixXd costs = Eigen::MatrixXd::Random(rows, columns);
       if (i % 4 == 0) costs = (3 * costs).array().round();  // ties
-      const std::vector<int> found = least_assignment(costs);
+      const std::vector<int> found = min_cost_assignment(costs);
       REQUIRE(found.size() == size_t(rows));
       std::vector<int> taken;
       for (int column : found)
@@ -54,7 +54,7 @@ TEST_CASE("costs that aren't finite assign nothing") {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (double none : {nan, std::numeric_limits<double>::infinity()})
     for (int rows : {1, 2, 4})
-      CHECK(least_assignment(Eigen::MatrixXd::Constant(rows, 2, none)) ==
+      CHECK(min_cost_assignment(Eigen::MatrixXd::Constant(rows, 2, none)) ==
             std::vector<int>(size_t(rows), -1));
-  CHECK(least_assignment(Eigen::MatrixXd(0, 0)).empty());
+  CHECK(min_cost_assignment(Eigen::MatrixXd(0, 0)).empty());
 }

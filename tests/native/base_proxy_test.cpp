@@ -37,7 +37,7 @@ Positions by_faces(const Mesh& surface, const Mesh& proxy, const Positions& defo
         tree.nearest(surface.positions.row(v).transpose(), 10, [](int) { return true; });
     Eigen::Vector3d place = Eigen::Vector3d::Zero();
     for (int k = 0; k < 3; ++k)
-      place += at.weights[k] * deformed.row(proxy.triangles(at.triangle, k)).transpose();
+      place += at.barycentric[k] * deformed.row(proxy.triangles(at.triangle, k)).transpose();
     result.row(v) = place.transpose();
   }
   return result;
@@ -82,7 +82,7 @@ TEST_CASE("a base of another topology carries the surface exactly along an affin
   CHECK(test::largest_difference(base.carry(test::transformed(turn, proxy.positions), pool),
                                  test::transformed(turn, surface.positions)) < 1e-13);
   CHECK(base.far.empty());
-  CHECK(base.torn.empty());
+  CHECK(base.ambiguous.empty());
 
   // A flat proxy follows a shear within its plane exactly, too.
   const BaseProxy sheet(flat(30, 30), flat(4, 5));
@@ -152,9 +152,9 @@ TEST_CASE("vertices far from a base or between its parts are reported, a broken 
   wall.positions.col(2) = 0.4 * wall.positions.col(0);
   wall.positions.col(0).setConstant(0.5);
   const BaseProxy between(wall, test::appended(cage, above));
-  CHECK(between.torn.size() == 2 * 30);
+  CHECK(between.ambiguous.size() == 2 * 30);
   const BaseProxy far(wall, cage);
-  CHECK(far.torn.empty());
+  CHECK(far.ambiguous.empty());
   CHECK(far.far.size() > 300);
   CHECK(far.far.size() < 900);
 

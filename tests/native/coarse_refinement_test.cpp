@@ -20,7 +20,7 @@ constexpr double kLength = 0.009;  // rotation smoothing, as a fraction of activ
 struct Posed {
   explicit Posed(const test::Case& one)
       : pool(2),
-        region(split_region(one.mesh, one.roles, 1)),
+        region(make_region(one.mesh, one.roles, 1)),
         bound(Mesh{UnitBox(one.mesh.positions).into(one.mesh.positions), one.mesh.triangles},
               region, {}, pool, {}),
         deformer(one.mesh, one.roles, 1, {}),
@@ -100,17 +100,17 @@ TEST_CASE("coarse: linear functions over a flat surface are interpolated exactly
   REQUIRE(coarse);
   const FactoredSurface& surface = coarse->surface();
   CHECK(surface.mesh.vertex_count() < 0.2 * sheet.mesh.vertex_count());
-  const auto shares = coarse->shares(posed.bound);
-  REQUIRE(int(shares.size()) == posed.bound.poisson->active_vertex_count());
+  const auto stencils = coarse->stencils(posed.bound);
+  REQUIRE(int(stencils.size()) == posed.bound.poisson->active_vertex_count());
   double worst = 0;
-  for (size_t i = 0; i < shares.size(); ++i) {
+  for (size_t i = 0; i < stencils.size(); ++i) {
     Eigen::RowVector3d place(0, 0, 0);
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
-      const int row = surface.poisson->active_row(shares[i].place[k]);
-      CHECK(shares[i].weight[k] >= 0);
-      place += shares[i].weight[k] * surface.rest.row(row).head<3>();
-      sum += shares[i].weight[k];
+      const int row = surface.poisson->active_row(stencils[i].active_index[k]);
+      CHECK(stencils[i].weight[k] >= 0);
+      place += stencils[i].weight[k] * surface.rest.row(row).head<3>();
+      sum += stencils[i].weight[k];
     }
     CHECK(sum == Approx(1));
     const int row = posed.bound.poisson->active_row(static_cast<int>(i));

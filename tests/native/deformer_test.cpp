@@ -214,7 +214,7 @@ TEST_CASE("real meshes' faults are survived: loose, doubled, folded, many-sheete
   roles.resize(static_cast<size_t>(n + 4), kFree);
   for (BaseMetric metric : {BaseMetric::surface, BaseMetric::base}) {
     Deformer deformer(mesh, roles, 1, {metric, 0});
-    CHECK(deformer.region().loose == std::vector<int>{static_cast<int>(n) + 1});
+    CHECK(deformer.region().isolated == std::vector<int>{static_cast<int>(n) + 1});
     CHECK(std::count(deformer.degenerate_triangles().begin(), deformer.degenerate_triangles().end(),
                      int(m + 2)) == 1);
     const Positions result = surface(deformer, {kLift});

@@ -18,19 +18,19 @@ class Faced {
   explicit Faced(const Mesh& mesh)
       : surface_(mesh, pool_),
         far_(
-            surface_, AabbTree(mesh), mesh.vertex_count(), [this](int v) { return about(v); },
+            surface_, AabbTree(mesh), mesh.vertex_count(), [this](int v) { return point_patch(v); },
             pool_) {}
 
   Eigen::VectorXd in(const Positions& pose) {
-    surface_.take(pose, pool_);
+    surface_.set_pose(pose, pool_);
     Eigen::VectorXd result(pose.rows());
     for (int v = 0; v < surface_.mesh().vertex_count(); ++v)
-      result[v] = far_.outwardness(v, about(v));
+      result[v] = far_.outwardness(v, point_patch(v));
     return result;
   }
 
  private:
-  FarSides::About about(int v) const {
+  FarSides::PointPatch point_patch(int v) const {
     return {surface_.mesh().positions.row(v), surface_.patch(surface_.fan(v))};
   }
   ThreadPool pool_{2};
@@ -66,16 +66,16 @@ TEST_CASE("a ray's first exit from a surface is that of a search through all tri
       if (normals.row(j).dot(way) > 0 && solved.minCoeff() >= 0 && solved[0] + solved[1] <= 1)
         first = std::min(first, solved[2] * way.norm());
     }
-    const PointOnTriangle found = tree.exit(from, way, 0);
+    const PointOnTriangle found = tree.first_exit(from, way, 0);
     CHECK((found.triangle >= 0) == std::isfinite(first));
     if (found.triangle < 0) continue;
     ++found_count;
     CHECK(std::sqrt(found.squared_distance) == Approx(first));
-    CHECK((from + first * way.normalized() - found.place).norm() < 1e-9);
+    CHECK((from + first * way.normalized() - found.position).norm() < 1e-9);
     Eigen::RowVector3d mean = Eigen::RowVector3d::Zero();
     for (int k = 0; k < 3; ++k)
-      mean += found.weights[k] * mesh.positions.row(mesh.triangles(found.triangle, k));
-    CHECK((mean.transpose() - found.place).norm() < 1e-9);
+      mean += found.barycentric[k] * mesh.positions.row(mesh.triangles(found.triangle, k));
+    CHECK((mean.transpose() - found.position).norm() < 1e-9);
   }
   CHECK(found_count > 50);
 }
@@ -106,11 +106,11 @@ TEST_CASE("rays along axes meet triangles that are flush with their boxes, and s
   for (double x : {0.0, 0.5, 1.0})
     for (double y : {0.0, 0.5, 1.0})
       for (double z : {0.0, -0.0}) {
-        const PointOnTriangle found = tree.exit({x, y, 1}, {z, z, -2}, 0);
+        const PointOnTriangle found = tree.first_exit({x, y, 1}, {z, z, -2}, 0);
         REQUIRE(found.triangle >= 2);
-        CHECK((found.place - Eigen::Vector3d(x, y, 0)).norm() == 0);
-        CHECK(tree.exit({x, y, 1}, {z, z, -2}, 1.5).triangle < 0);
-        CHECK(tree.exit({x, y, 1}, {z, z, 2}, 0).triangle < 0);
+        CHECK((found.position - Eigen::Vector3d(x, y, 0)).norm() == 0);
+        CHECK(tree.first_exit({x, y, 1}, {z, z, -2}, 1.5).triangle < 0);
+        CHECK(tree.first_exit({x, y, 1}, {z, z, 2}, 0).triangle < 0);
       }
 }
 

@@ -48,8 +48,8 @@ TEST_CASE("goals of a surface on itself are its own vertices, both ways") {
   const Mesh mesh = test::rough_sphere(3, 0.1);
   ThreadPool pool(2);
   const GoalFinder finder(mesh, mesh, 0.1, pool);
-  CHECK(largest_difference(finder.nearest(mesh).places, mesh.positions) < 1e-12);
-  CHECK(largest_difference(finder.both_ways(mesh).places, mesh.positions) < 1e-12);
+  CHECK(largest_difference(finder.nearest(mesh).positions, mesh.positions) < 1e-12);
+  CHECK(largest_difference(finder.both_ways(mesh).positions, mesh.positions) < 1e-12);
 }
 
 TEST_CASE("goals both ways equal those of a search through all triangles") {
@@ -66,19 +66,19 @@ TEST_CASE("goals both ways equal those of a search through all triangles") {
   for (int v = 0; v < target.vertex_count(); ++v) {
     const PointOnTriangle there =
         nearest_of_all(source, target.positions.row(v), normals[1].row(v));
-    ways.row(v) = target.positions.row(v) - there.place.transpose();
+    ways.row(v) = target.positions.row(v) - there.position.transpose();
     for (int k = 0; k < 3; ++k)
-      weights(source.triangles(there.triangle, k), v) = areas[1][v] * there.weights[k];
+      weights(source.triangles(there.triangle, k), v) = areas[1][v] * there.barycentric[k];
   }
   double most = 0;
   for (int v = 0; v < source.vertex_count(); ++v) {
     const Eigen::RowVector3d own =
-        nearest_of_all(target, source.positions.row(v), normals[0].row(v)).place.transpose() -
+        nearest_of_all(target, source.positions.row(v), normals[0].row(v)).position.transpose() -
         source.positions.row(v);
     const double landed = weights.row(v).sum(), share = std::min(1.0, landed / areas[0][v]);
     Eigen::RowVector3d way = own;
     if (landed > 0) way = (own + share * weights.row(v) * ways / landed) / (1 + share);
-    most = std::max(most, (goals.places.row(v) - source.positions.row(v) - way).norm());
+    most = std::max(most, (goals.positions.row(v) - source.positions.row(v) - way).norm());
   }
   CHECK(most < 1e-12);
   CHECK((weights.rowwise().sum().array() > 0).count() > source.vertex_count() / 2);
@@ -92,8 +92,8 @@ TEST_CASE("ends of the target attract those of the source") {
   Index tip = 0;
   source.positions.col(0).maxCoeff(&tip);
   const double away = target.positions.col(0).maxCoeff() - source.positions(tip, 0);
-  CHECK(finder.nearest(source).places(tip, 0) - source.positions(tip, 0) < 0.25 * away);
-  CHECK(finder.both_ways(source).places(tip, 0) - source.positions(tip, 0) > 0.3 * away);
+  CHECK(finder.nearest(source).positions(tip, 0) - source.positions(tip, 0) < 0.25 * away);
+  CHECK(finder.both_ways(source).positions(tip, 0) - source.positions(tip, 0) > 0.3 * away);
 }
 
 TEST_CASE("a target beyond a border of the source attracts nothing") {
@@ -104,5 +104,5 @@ TEST_CASE("a target beyond a border of the source attracts nothing") {
   ThreadPool pool(1);
   const FitGoals goals = GoalFinder(source, target, 0.2, pool).both_ways(source);
   const Positions above = source.positions.rowwise() + Eigen::RowVector3d(0, 0, 0.01);
-  CHECK(largest_difference(goals.places, above) < 1e-12);
+  CHECK(largest_difference(goals.positions, above) < 1e-12);
 }

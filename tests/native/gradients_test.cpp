@@ -19,7 +19,7 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
                              bool rotation_only) {
   const int n = surface.vertex_count();
   const std::vector<int> all_free(static_cast<size_t>(n), kFree);
-  const Region region = split_region(surface, all_free, 0, MovedBy::base);
+  const Region region = make_region(surface, all_free, 0, MovedBy::base);
   ThreadPool pool(1);
   BlockOptions options;
   options.pool = &pool;

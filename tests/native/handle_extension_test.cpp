@@ -25,7 +25,7 @@ struct Bound {
     for (Index v = 0; v < mesh.positions.rows(); ++v)
       if (mesh.positions(v, 0) > 0.9) roles[v] = 1;
     operators = surface_operators(mesh.positions, mesh.triangles);
-    region = split_region(mesh, roles, 2);
+    region = make_region(mesh, roles, 2);
   }
 };
 
@@ -87,21 +87,25 @@ TEST_CASE("handles' displacements extend as by K itself, from kept functions or 
        {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
     const PolyharmonicSystem bending(b.operators, b.region, smoothness);
     const RowMatrix direct = bending.extend(delta);
-    for (const auto& [kept, one_solve] : {std::pair(KeptOfEnergy::functions, false),
-                                          {KeptOfEnergy::functions, true},
-                                          {KeptOfEnergy::factor, true}}) {
+    for (const auto& [kept, single_solve] : {std::pair(KeptOfEnergy::basis_functions, false),
+                                             {KeptOfEnergy::basis_functions, true},
+                                             {KeptOfEnergy::factor, true}}) {
       INFO("order " << static_cast<int>(smoothness) << ", kept " << static_cast<int>(kept));
-      const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions, order, pool,
-                                      one_solve, Precision::full, kept);
+      HandleExtensionOptions options;
+      options.pool = &pool;
+      options.single_solve = single_solve;
+      options.kept = kept;
+      const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions, order,
+                                      options);
       REQUIRE(extension.factor_kept() == (kept == KeptOfEnergy::factor));
       Rows moved = Rows::Constant(b.region.free_count(), 4, 0.5);
       for (int k = 0; k < 2; ++k) extension.displace(coefficients, moved, moved);
       CHECK((moved.leftCols<3>() - 2 * direct).cwiseAbs().maxCoeff() == Approx(0.5).margin(1e-8));
       CHECK((moved.leftCols<3>() - 2 * direct).cwiseAbs().minCoeff() == Approx(0.5).margin(1e-8));
       RowMatrix space;
-      CHECK(
-          (extension.functions(space) * coefficients.leftCols<3>() - direct).cwiseAbs().maxCoeff() <
-          1e-8);
+      CHECK((extension.basis_functions(space) * coefficients.leftCols<3>() - direct)
+                .cwiseAbs()
+                .maxCoeff() < 1e-8);
     }
   }
 }
@@ -150,7 +154,7 @@ static RowMatrix given_values(const HandleCoordinates& coordinates, const Region
 /// The functions of a bound surface, rows as in Region::free.
 static RowMatrix functions_of(const BoundSurface& bound) {
   RowMatrix space;
-  const RowMatrix& in_order = bound.extension.functions(space);
+  const RowMatrix& in_order = bound.extension.basis_functions(space);
   RowMatrix functions(in_order.rows(), in_order.cols());
   for (int r = 0; r < bound.region.free_count(); ++r)
     functions.row(r) =
@@ -169,7 +173,7 @@ TEST_CASE(
   if (plate > 0) strip.add_plate(plate);
   const Mesh mesh = {strip.mesh.positions / bounding_box_diagonal(strip.mesh.positions),
                      strip.mesh.triangles};
-  const Region region = split_region(mesh, strip.roles, plate > 0 ? 6 : 4);
+  const Region region = make_region(mesh, strip.roles, plate > 0 ? 6 : 4);
   const HandleCoordinates coordinates(region, mesh.positions);
   const Index count = coordinates.count();
   REQUIRE(count >= 16);
@@ -193,7 +197,7 @@ TEST_CASE(
   // The error of one solve is that of the case.
   const RowMatrix at_handles = values(region.handle_vertices, kAllIndices);
   const HandleSolve solve(bending, region, &pool);
-  HandleSolve::Space space;
+  HandleSolve::Scratch space;
   RowMatrix once(region.free_count(), count);
   Rows four(at_handles.rows(), 4);
   for (FourColumns some(at_handles); some.next();) {
@@ -214,7 +218,7 @@ TEST_CASE(
       if (role >= 2) role = kFixed;
     const Mesh mesh = {strip.mesh.positions / bounding_box_diagonal(strip.mesh.positions),
                        strip.mesh.triangles};
-    const Region region = split_region(mesh, strip.roles, 2);
+    const Region region = make_region(mesh, strip.roles, 2);
     const HandleCoordinates coordinates(region, mesh.positions);
     REQUIRE(coordinates.count() <= 12);
     ThreadPool pool(2);
@@ -240,7 +244,7 @@ TEST_CASE("a flat handle, one in a line and one of one point take fewer function
   for (int v : {10, 12, 25}) roles[v] = 1;
   for (int v : {90, 92}) roles[v] = 2;
   roles[160] = 3;
-  const Region region = split_region(plane, roles, 4);
+  const Region region = make_region(plane, roles, 4);
   const HandleCoordinates coordinates(region, plane.positions);
   const int expected[4] = {4, 3, 2, 1};
   for (int h = 0; h < 4; ++h) CHECK(coordinates.count(h) == expected[h]);
@@ -263,16 +267,20 @@ TEST_CASE("a flat handle, one in a line and one of one point take fewer function
 TEST_CASE("with everything constrained in one handle its functions are 1 and B's coordinates") {
   Bound b;
   for (int& role : b.roles) role = role == kFree ? kFree : 0;
-  b.region = split_region(b.mesh, b.roles, 1);
+  b.region = make_region(b.mesh, b.roles, 1);
   ThreadPool pool(1);
   const PolyharmonicSystem bending(b.operators, b.region);
   const HandleCoordinates coordinates(b.region, b.mesh.positions);
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
-  for (KeptOfEnergy kept : {KeptOfEnergy::functions, KeptOfEnergy::factor}) {
+  for (KeptOfEnergy kept : {KeptOfEnergy::basis_functions, KeptOfEnergy::factor}) {
+    HandleExtensionOptions options;
+    options.pool = &pool;
+    options.single_solve = true;
+    options.kept = kept;
     const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions,
-                                    plain_order(b.region), pool, true, Precision::full, kept);
+                                    plain_order(b.region), options);
     RowMatrix space;
-    const RowMatrix& functions = extension.functions(space);
+    const RowMatrix& functions = extension.basis_functions(space);
     for (int r = 0; r < b.region.free_count(); ++r) {
       CHECK(functions(r, 3) == Approx(1).epsilon(1e-9));
       const Eigen::RowVector3d arm = q.row(b.region.free[r]) - coordinates.centres().row(0);
@@ -309,7 +317,7 @@ struct ManyHandles {
 TEST_CASE("with a handle for every fifth vertex a frame solves for its base") {
   const ManyHandles many(3);
   const int count = many.count();
-  const Region region = split_region(many.mesh, many.roles, count);
+  const Region region = make_region(many.mesh, many.roles, count);
   ThreadPool pool(2);
   // VARIATIONAL uses K on S itself with either metric.
   const Positions displaced =
@@ -349,7 +357,7 @@ TEST_CASE("many handles: K's factor is in single precision where that is exact e
     INFO(one.handles << " handles");
     const Mesh mesh = {one.mesh.positions / bounding_box_diagonal(one.mesh.positions),
                        one.mesh.triangles};
-    const Region region = split_region(mesh, one.roles, one.handles);
+    const Region region = make_region(mesh, one.roles, one.handles);
     const HandleCoordinates coordinates(region, mesh.positions);
     const SurfaceOperators operators = surface_operators(mesh.positions, mesh.triangles);
     const PolyharmonicSystem bending(operators, region);
@@ -359,10 +367,14 @@ TEST_CASE("many handles: K's factor is in single precision where that is exact e
       values.row(v) = C.row(4 * one.roles[size_t(v)] + 3).head<3>();
     const RowMatrix expected = bending.extend(values);
     const auto error = [&](Precision precision) {
+      HandleExtensionOptions options;
+      options.pool = &pool;
+      options.single_solve = true;
+      options.precision = precision;
+      options.kept = KeptOfEnergy::factor;
       const HandleExtension extension(bending, coordinates, region, mesh.positions,
-                                      plain_order(region), pool, true, precision,
-                                      KeptOfEnergy::factor);
-      REQUIRE(extension.first_half_is_ready());
+                                      plain_order(region), options);
+      REQUIRE(extension.has_precomputed_forward());
       CHECK(extension.in_single() == (precision == Precision::single && one.enough));
       Rows found = Rows::Zero(region.free_count(), 4);
       extension.displace(C, found, found);
@@ -386,12 +398,12 @@ TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
   const ManyHandles many(5, step);
   {
     ThreadPool pool(2);
-    const Region region = split_region(many.mesh, many.roles, many.count());
+    const Region region = make_region(many.mesh, many.roles, many.count());
     BindOptions options;
     options.precision = Precision::single;
     const BoundSurface bound(many.mesh, region, options, pool, {});
     REQUIRE(bound.extension.factor_kept());
-    REQUIRE(bound.extension.first_half_is_ready() == (step == 50));
+    REQUIRE(bound.extension.has_precomputed_forward() == (step == 50));
     REQUIRE(bound.extension.in_single() == (step == 50));
     REQUIRE(bound.poisson->active().sections() > 2);
   }
@@ -418,7 +430,7 @@ TEST_CASE("a harmonic blend of many handles' values equals their harmonic weight
   int count = 0;
   for (int v = 0; v < mesh.vertex_count(); v += 4)
     roles[size_t(v)] = mesh.positions(v, 2) < -0.6 ? kFixed : count++;
-  const Region region = split_region(mesh, roles, count);
+  const Region region = make_region(mesh, roles, count);
   ThreadPool pool(1);
   const BoundSurface bound(mesh, region, {}, pool, {});
   const int free_count = bound.order().free_count;
@@ -426,7 +438,7 @@ TEST_CASE("a harmonic blend of many handles' values equals their harmonic weight
   HarmonicBlend blend(bound);
   std::srand(5);
   const RowMatrix values = RowMatrix::Random(count, 7);
-  blend.take(values);
+  blend.set_values(values);
   const RowMatrix expected = harmonic_weights(bound) * values;
   CHECK((blend.rows(0, free_count) - expected).cwiseAbs().maxCoeff() < 1e-12);
   CHECK((blend.rows(10, 20) - expected.middleRows(10, 10)).cwiseAbs().maxCoeff() < 1e-12);
@@ -454,7 +466,7 @@ TEST_CASE("higher orders of smoothness continue a border's slope and curvature")
   const int side = 41;
   const Mesh flat = test::grid(side, side, [](double, double) { return 0.0; });
   // Free between two strips; natural boundary conditions at the upper and lower border.
-  const Region region = split_region(flat, test::strip_roles(side, side, 12, side - 12), 1);
+  const Region region = make_region(flat, test::strip_roles(side, side, 12, side - 12), 1);
   const auto operators = surface_operators(flat.positions, flat.triangles);
   double last = 1;
   for (Smoothness smoothness :
@@ -473,7 +485,7 @@ TEST_CASE("a long strip held at one end is solved exactly, or refused where doub
   const auto extended = [](int length) {
     Mesh ribbon = test::grid(length, 2, [](double, double) { return 0.0; });
     ribbon.positions.col(0) *= length - 1;
-    const Region region = split_region(ribbon, test::strip_roles(length, 2, 0, length - 3), 1);
+    const Region region = make_region(ribbon, test::strip_roles(length, 2, 0, length - 3), 1);
     const auto operators = surface_operators(ribbon.positions, ribbon.triangles);
     return PolyharmonicSystem(operators, region).extend(RowMatrix::Ones(ribbon.vertex_count(), 1));
   };

@@ -75,7 +75,7 @@ TEST_CASE("the energy as a sparse part and one of low rank for hubs is the same 
   for (const HubCase& one : cases())
     for (Smoothness smoothness : {Smoothness::thin_plate, Smoothness::curvature_variation}) {
       INFO(one.name << ", order " << static_cast<int>(smoothness));
-      const Region region = split_region(one.mesh, one.roles, 1);
+      const Region region = make_region(one.mesh, one.roles, 1);
       const auto operators = surface_operators(one.mesh.positions, one.mesh.triangles);
       const Eigen::MatrixXd full = energy_block(operators, region, smoothness).sparse;
       const EnergyBlock block = energy_block(operators, region, smoothness, kFew);
@@ -96,7 +96,7 @@ TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
     const auto dense = test::dense_operators(one.mesh.positions, one.mesh.triangles);
     const Eigen::MatrixXd step = dense.M.inverse() * dense.L;
     const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(one.mesh.vertex_count(), 3);
-    const Region region = split_region(one.mesh, one.roles, 1);
+    const Region region = make_region(one.mesh, one.roles, 1);
     const auto operators = surface_operators(one.mesh.positions, one.mesh.triangles);
     Eigen::MatrixXd energy = dense.L;
     for (Smoothness smoothness :
@@ -136,7 +136,7 @@ TEST_CASE("hubs of thousands of neighbours add few entries and no wide supernode
   const Mesh mesh = rings_about_poles(sides, rings, true);
   std::vector<int> roles(static_cast<size_t>(mesh.vertex_count()), kFree);
   for (int j = 0; j < 2 * sides; ++j) roles[1 + 2 * sides + j] = j % sides < sides / 2 ? kFixed : 0;
-  const Region region = split_region(mesh, roles, 1);
+  const Region region = make_region(mesh, roles, 1);
   const auto operators = surface_operators(mesh.positions, mesh.triangles);
   const SparseMatrix poisson = free_block(operators.laplacian, region);
   const Dissection dissection = free_dissection(poisson, region, mesh.positions);

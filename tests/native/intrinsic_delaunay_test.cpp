@@ -123,7 +123,7 @@ TEST_CASE("DELAUNAY: the operators keep the area and have no weight below the ma
     CHECK((L * Eigen::VectorXd::Ones(L.rows())).cwiseAbs().maxCoeff() < 1e-11);
     // Triangles differ only where an edge was flipped.
     for (Index j = 0; j < mesh.triangles.rows(); ++j)
-      if (!intrinsic.moved[j]) {
+      if (!intrinsic.flipped[j]) {
         CHECK(made.triangles.row(j) == mesh.triangles.row(j));
         CHECK(made.metric.cotangents.row(j) == given.metric.cotangents.row(j));
       }

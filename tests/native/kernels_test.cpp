@@ -158,21 +158,21 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
         };
         const auto run = [&](const KernelsOf<Real>& set) {
           std::vector<ExamplePose<Real>> poses(kBlocks);
-          std::vector<ExampleGradient<Real>> misfits(kBlocks), slopes(kBlocks * kExamples);
+          std::vector<ExampleGradient<Real>> misfits(kBlocks), derivatives(kBlocks * kExamples);
           const ExampleView<Real> view = {kExamples,    blocks.data(),  changes.data(),
-                                          poses.data(), misfits.data(), slopes.data()};
+                                          poses.data(), misfits.data(), derivatives.data()};
           Result result;
           result.rows = start;
           double* rows = result.rows.data();
           set.example_pose(view, 0, kBlocks, weights.data(), rotation_only, rows);
           result.misfit = set.example_misfit(view, 0, kBlocks, offsets.data());
           set.example_misfit_divergence(view, 0, kBlocks, rows);
-          for (int i = 0; i < kExamples; ++i) set.example_slope(view, i, 0, kBlocks, rows);
-          std::vector<ExampleBend<Real>> bends(kExamples);
+          for (int i = 0; i < kExamples; ++i) set.example_derivative(view, i, 0, kBlocks, rows);
+          std::vector<ExampleSecondOrder<Real>> second_order(kExamples);
           result.sums.assign(kExamples * (kExamples + 3) / 2 * kLanes, 0);
           const double* of[kExamples];
           for (int i = 0; i < kExamples; ++i) of[i] = followed[size_t(i)].data();
-          set.example_second_order(view, 0, kBlocks, of, bends.data(),
+          set.example_second_order(view, 0, kBlocks, of, second_order.data(),
                                    reinterpret_cast<Real(*)[kLanes]>(result.sums.data()));
           return result;
         };
@@ -191,7 +191,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
   }
   SECTION("rotations and what they turn") {
     std::vector<RotationBlock<Real>> blocks(3);
-    std::vector<TurnBlock<Real>> turns(3);
+    std::vector<RotatedFluxBlock<Real>> turns(3);
     for (int b = 0; b < 3; ++b)
       for (int lane = 0; lane < kLanes; ++lane) {
         for (int k = 0; k < 3; ++k) {
@@ -211,8 +211,8 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     wide.rotation_pass(3, blocks.data(), positions.data(), b.data());
     CHECK(close(a, b));
     auto right = numbers(4 * 20, double()), right_wide = right;
-    plain.turn_pass(3, turns.data(), a.data(), right.data());
-    wide.turn_pass(3, turns.data(), a.data(), right_wide.data());
+    plain.rotated_flux_pass(3, turns.data(), a.data(), right.data());
+    wide.rotated_flux_pass(3, turns.data(), a.data(), right_wide.data());
     CHECK(close(right, right_wide));
     const std::vector<int> starts = {0, 3, 5, 9};
     int32_t index[9][kLanes];

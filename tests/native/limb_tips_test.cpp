@@ -37,7 +37,7 @@ TEST_CASE("three markers lose nothing of a match that the shapes alone would giv
   const Mesh bent = {test::raised(test::beast(4).positions, 0.35), test::beast(4).triangles};
   const Pairs markers = marked(test::beast(4), {{1, 0.1, 0.3}, {-0.8, 0.5, -0.2}, {0.1, -1, 0.4}});
   Alignment placed = align(straight, bent, markers);
-  placed.partner.clear();
+  placed.map_target.clear();
   placed.lies_on = false;
   CHECK(test::mean_error(register_onto(straight, bent, markers, placed, {}),
                          test::raised(straight.positions, 0.35)) < 0.01);

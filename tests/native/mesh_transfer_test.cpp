@@ -27,7 +27,7 @@ Positions bent(const Positions& p) {
 }
 
 MeshTransfer onto(const Mesh& source, const Mesh& target, const TransferOptions& options = {}) {
-  return MeshTransfer(source, target, same_topology(source, target), options);
+  return MeshTransfer(source, target, identity_correspondence(source, target), options);
 }
 
 Eigen::Vector3d centre(const Positions& p, const Triangles& t, Index j) {
@@ -290,7 +290,7 @@ TEST_CASE("degenerate triangles and loose vertices on either side leave a finite
   mesh.positions.bottomRows(1) << 0.1, 0.2, 0.3;
   MeshTransfer transfer = onto(mesh, mesh);
   CHECK(!transfer.degenerate_triangles().empty());
-  CHECK(transfer.loose_count() == 1);
+  CHECK(transfer.isolated_count() == 1);
   const test::Affine rigid = test::rotation_about(1.1, {1, -1, 2}, {0, 0, 0}, {0.3, 4, 1});
   Positions moved = test::transformed(rigid, mesh.positions);
   Positions found = transfer.apply(moved, false);
@@ -311,7 +311,7 @@ TEST_CASE("the number of threads changes no bit of a transferred pose", "[thread
 
 TEST_CASE("unusable transfers, poses and correspondences are refused with a message") {
   const Mesh mesh = test::rough_sphere(1, 0.1), other = test::rough_sphere(2, 0.1);
-  const Correspondence same = same_topology(mesh, mesh);
+  const Correspondence same = identity_correspondence(mesh, mesh);
   const int m = mesh.triangle_count();
   CHECK_THAT(refusal(mesh, other, same), contains("The correspondences are for"));
   Mesh broken = mesh;
@@ -336,10 +336,10 @@ TEST_CASE("unusable transfers, poses and correspondences are refused with a mess
   CHECK_THROWS_WITH(transfer.apply(other.positions, true), contains("The pose has"));
   CHECK_THROWS_WITH(transfer.apply(broken.positions, true),
                     contains("Vertex 4 of the source is not finite in the pose"));
-  CHECK_THROWS_WITH(same_topology(mesh, other), contains("not of the same topology"));
+  CHECK_THROWS_WITH(identity_correspondence(mesh, other), contains("not of the same topology"));
   Mesh turned = mesh;
   turned.triangles.row(5) = mesh.triangles.row(5).reverse().eval();
-  CHECK_THROWS_WITH(same_topology(mesh, turned), contains("Triangle 5"));
+  CHECK_THROWS_WITH(identity_correspondence(mesh, turned), contains("Triangle 5"));
   CHECK_THROWS_WITH(triangle_correspondence({}, m, m), contains("no pair"));
   CHECK_THROWS_WITH(triangle_correspondence({{0, 0}, {m, 1}}, m, m), contains("Pair 1 names"));
   CHECK_THROWS_WITH(vertex_correspondence({{0, 999}}, mesh, mesh), contains("of the target"));
@@ -347,7 +347,7 @@ TEST_CASE("unusable transfers, poses and correspondences are refused with a mess
 
 TEST_CASE("a target that stands otherwise turns the deformations, one of another shape doesn't") {
   const Mesh mesh = test::rough_sphere(3, 0.2);
-  const Correspondence same = same_topology(mesh, mesh);
+  const Correspondence same = identity_correspondence(mesh, mesh);
   const auto placed = [&](double angle, double sheared) {
     Mesh target = mesh;
     const Eigen::Matrix3d turn = rotation_by(angle * Eigen::Vector3d(1, 0, 0));
@@ -376,7 +376,7 @@ TEST_CASE("a longer neck doesn't turn the body that it is on") {
     const double near = std::max(0.0, p.dot(Eigen::RowVector3d(0.7, 0.7, 0)) - 0.8);
     target.positions.row(v) += 8 * near * Eigen::RowVector3d(0, 1, 0);
   }
-  const Correspondence same = same_topology(source, target);
+  const Correspondence same = identity_correspondence(source, target);
   CHECK(fitted_placement(source, target, same).rotation.isIdentity(1e-12));
   const Eigen::Matrix3d turn = rotation_by({0.1, 0.2, -0.1});
   target.positions *= turn.transpose();

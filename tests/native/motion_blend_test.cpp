@@ -122,7 +122,7 @@ TEST_CASE("blended motions: the automatic share goes by the largest angle betwee
   std::vector<int> roles(size_t(mesh.vertex_count()), kFree);
   constexpr int kCount = 40;
   for (int h = 0; h < kCount; ++h) roles[roles.size() / kCount * size_t(h)] = h;
-  const Region region = split_region(mesh, roles, kCount);
+  const Region region = make_region(mesh, roles, kCount);
   ThreadPool pool(1);
   const BoundSurface bound(mesh, region, {}, pool, {});
   MotionBlend blend(bound);
@@ -141,7 +141,7 @@ TEST_CASE("blended motions: the automatic share goes by the largest angle betwee
         motion.leftCols<3>() = rotation_by(angle);
         motions.push_back(motion);
       }
-      blend.take(motions, {});
+      blend.set_pose(motions, {});
       // Nothing is fixed: rotations count relative to the first handle's.
       double farthest = 0;
       const auto to_first = [&](int h) -> Eigen::Vector3d {
@@ -151,7 +151,7 @@ TEST_CASE("blended motions: the automatic share goes by the largest angle betwee
         for (int j = 0; j < i; ++j)
           farthest = std::max(farthest, (to_first(i) - to_first(j)).norm());
       const double half = kTurn / 2;
-      CHECK(blend.share(BaseDeformer::automatic) ==
+      CHECK(blend.blend_fraction(BaseDeformer::automatic) ==
             Approx(std::clamp((farthest - 0.75 * half) / (0.25 * half), 0.0, 1.0)).margin(1e-9));
     }
 }

@@ -98,7 +98,7 @@ TEST_CASE("the Poisson system refines where single precision alone is too far of
   const Mesh strip =
       test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
   const auto roles = test::strip_roles(length, 3, 1, length - 1);
-  const Region region = split_region(strip, roles, 1);
+  const Region region = make_region(strip, roles, 1);
   const auto operators = surface_operators(strip.positions, strip.triangles);
   ThreadPool pool(2);
   BlockOptions options;

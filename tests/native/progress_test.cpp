@@ -107,7 +107,7 @@ TEST_CASE("progress doesn't fall where single precision is tried in vain") {
   const int length = 80001;
   const Mesh strip =
       test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
-  const Region region = split_region(strip, test::strip_roles(length, 3, 0, length - 1), 1);
+  const Region region = make_region(strip, test::strip_roles(length, 3, 0, length - 1), 1);
   const auto operators = surface_operators(strip.positions, strip.triangles);
   ThreadPool pool(2);
   Told told;

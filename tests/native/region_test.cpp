@@ -11,7 +11,7 @@ namespace {
 
 std::string refusal(const Mesh& mesh, const std::vector<int>& roles, int handles) {
   try {
-    split_region(mesh, roles, handles);
+    make_region(mesh, roles, handles);
   } catch (const Error& error) {
     CHECK(error.status() == Status::region);
     return error.what();
@@ -24,10 +24,10 @@ std::string refusal(const Mesh& mesh, const std::vector<int>& roles, int handles
 TEST_CASE("free vertices are the rows, handle vertices are listed") {
   const Mesh mesh = test::bumpy_plane(6, 2);
   const auto roles = test::strip_roles(6, 6, 2, 5);
-  const Region region = split_region(mesh, roles, 1);
+  const Region region = make_region(mesh, roles, 1);
   CHECK(region.free_count() == 3 * 6);
   CHECK(region.handle_vertices.size() == 6);
-  CHECK(region.resting.size() + region.loose.size() == 0);
+  CHECK(region.resting.size() + region.isolated.size() == 0);
   for (int r = 0; r < region.free_count(); ++r) {
     CHECK(roles[region.free[r]] == kFree);
     CHECK(region.row[region.free[r]] == r);
@@ -41,23 +41,23 @@ TEST_CASE("parts that no handle reaches rest, and are counted") {
   mesh.positions.bottomRows(2).setOnes();
   const int n = one.vertex_count();
   std::vector<int> roles(static_cast<size_t>(mesh.vertex_count()), kFree);
-  roles[0] = 0;                                        // part 0: a handle, nothing fixed
-  roles[n + 3] = kFixed;                               // part 1: held, but no handle
-  const Region region = split_region(mesh, roles, 1);  // part 2: neither
+  roles[0] = 0;                                       // part 0: a handle, nothing fixed
+  roles[n + 3] = kFixed;                              // part 1: held, but no handle
+  const Region region = make_region(mesh, roles, 1);  // part 2: neither
   CHECK(region.free_count() == n - 1);
   CHECK(region.resting.size() == size_t(2 * n - 1));
   CHECK(region.resting_component_count == 2);
   CHECK(region.resting.front() == n);
-  CHECK(region.loose == std::vector<int>{3 * n, 3 * n + 1});
+  CHECK(region.isolated == std::vector<int>{3 * n, 3 * n + 1});
   for (int v = n; v < mesh.vertex_count(); ++v) CHECK(region.role[v] == kFixed);
 }
 
 TEST_CASE("handles that nothing follows are named") {
   const Mesh mesh = test::bumpy_plane(8, 2);
   auto roles = test::strip_roles(8, 8, 5, 7);  // columns 0 to 4 are fixed
-  CHECK(split_region(mesh, roles, 1).idle_handles.empty());
+  CHECK(make_region(mesh, roles, 1).idle_handles.empty());
   roles[0] = 1;
-  CHECK(split_region(mesh, roles, 2).idle_handles == std::vector<int>{1});
+  CHECK(make_region(mesh, roles, 2).idle_handles == std::vector<int>{1});
 }
 
 TEST_CASE("roles that leave nothing to do are refused with a message") {

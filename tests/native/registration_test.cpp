@@ -115,10 +115,10 @@ TEST_CASE("the nearest point of a mesh is that of a search through all triangles
     CHECK(std::sqrt(found.squared_distance) == Approx(least).margin(1e-5));
     CHECK(odd(found.triangle));
     const auto corner = mesh.triangles.row(found.triangle);
-    const Eigen::RowVector3d by_weights = found.weights[0] * mesh.positions.row(corner[0]) +
-                                          found.weights[1] * mesh.positions.row(corner[1]) +
-                                          found.weights[2] * mesh.positions.row(corner[2]);
-    CHECK((by_weights - found.place.transpose()).norm() < 1e-12);
+    const Eigen::RowVector3d by_weights = found.barycentric[0] * mesh.positions.row(corner[0]) +
+                                          found.barycentric[1] * mesh.positions.row(corner[1]) +
+                                          found.barycentric[2] * mesh.positions.row(corner[2]);
+    CHECK((by_weights - found.position.transpose()).norm() < 1e-12);
     CHECK(tree.nearest(point, 0.5 * least, odd).triangle < 0);
   }
 }

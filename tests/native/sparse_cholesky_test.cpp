@@ -48,7 +48,7 @@ TEST_CASE("the order is a permutation, and the panel solve uses it") {
   const RowMatrix X = RowMatrix::Random(A.rows(), 4), B = A * X;
   Rows right = Rows::Zero(factor.symbolic().slotted_size(), 4);
   for (Index k = 0; k < A.rows(); ++k) right.row(k) = B.row(factor.order()[k]);
-  SparseCholesky::Space space;
+  SparseCholesky::SolveScratch space;
   RowMatrix found = RowMatrix::Zero(A.rows(), 4);
   factor.solve_in_order(
       right.data(), space, nullptr, [](int) {},
@@ -92,7 +92,7 @@ namespace {
 /// The free block of a plane's Laplacian, as frames solve with it.
 struct System {
   Mesh mesh = test::bumpy_plane(121);
-  Region region = split_region(mesh, test::strip_roles(121, 121, 10, 110), 1);
+  Region region = make_region(mesh, test::strip_roles(121, 121, 10, 110), 1);
   SparseMatrix A = free_block(surface_operators(mesh.positions, mesh.triangles).laplacian, region);
   RowMatrix B = RowMatrix::Random(A.rows(), 4);
   SparseCholesky factor(Precision precision, ThreadPool* pool, bool by_places = true) const {
@@ -114,7 +114,7 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
   for (bool by_places : {true, false}) {
     const SparseCholesky factor = system.factor(Precision::full, nullptr, by_places);
     REQUIRE(factor.symbolic().domain_count() > 1);
-    REQUIRE(!factor.symbolic().slot_target.empty());
+    REQUIRE(!factor.symbolic().top_index_of_slot.empty());
     CHECK((factor.solve(system.B) - expected).norm() < 1e-11 * expected.norm());
     const SparseCholesky single = factor_free_block(system.A, system.region, [&] {
       BlockOptions options;
@@ -158,9 +158,9 @@ TEST_CASE("the first half of a solve can be precomputed for columns of a few ent
   REQUIRE(!forward.empty());
   CHECK(forward.bytes() < 0.1 * factor.bytes());
   const auto solution = [&](const SparseCholesky& by) {
-    SparseCholesky::Space space;
+    SparseCholesky::SolveScratch space;
     RowMatrix found(n, 4);
-    by.solve_second_half(
+    by.backward_solve(
         space, nullptr, [&](int part, auto* y) { forward.multiply(part, coefficients, y); },
         [&](int begin, int end, const auto* x) {
           for (int k = begin; k < end; ++k, x += 4)
@@ -207,7 +207,7 @@ TEST_CASE(
   CHECK(10 * by_places.entries() < 11 * by_degree.entries());
   // Triangles of 1 : 1,000 must not mislead the planes of the dissection.
   const Mesh strip = test::grid(2001, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
-  const Region of_strip = split_region(strip, test::strip_roles(2001, 3, 1, 2000), 1);
+  const Region of_strip = make_region(strip, test::strip_roles(2001, 3, 1, 2000), 1);
   const SparseMatrix thin =
       free_block(surface_operators(strip.positions, strip.triangles).laplacian, of_strip);
   const Dissection cuts = free_dissection(thin, of_strip, strip.positions);
@@ -224,7 +224,7 @@ TEST_CASE(
   int across = 0;
   for (int k = 0; k < e.size(); ++k)
     for (SparseMatrix::InnerIterator it(system.A, e.order[k]); it; ++it) {
-      const int a = part_of(k), b = part_of(e.place_of[it.row()]);
+      const int a = part_of(k), b = part_of(e.index_of[it.row()]);
       across += a != b && a < e.domain_count() && b < e.domain_count();
     }
   CHECK(across == 0);

@@ -177,16 +177,16 @@ TEST_CASE("steps begin at rest whatever the deformer was used for before, and re
       Deformer fresh(one.mesh, one.roles, 1, {});
       const SplitMotion motion = in_steps(one.motion, steps);
       const SplitResult expected = split_update(fresh, motion, options);
-      int let_go = 0;
+      int released = 0;
       Positions meanwhile;
       const SplitResult found = split_update(used, motion, options, {}, nullptr, [&] {
-        ++let_go;
+        ++released;
         meanwhile = test::surface(used, {test::bend(-30, 0, 0.3)}, refined);
       });
       CHECK((found.offsets.array() == expected.offsets.array()).all());
       CHECK(found.volume_error == expected.volume_error);
       CHECK(found.volumes_converged == expected.volumes_converged);
-      CHECK(let_go == 1);
+      CHECK(released == 1);
       CHECK((meanwhile.array() == test::surface(fresh, {test::bend(-30, 0, 0.3)}, refined).array())
                 .all());
     }

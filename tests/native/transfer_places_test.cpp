@@ -26,7 +26,7 @@ namespace {
 MeshTransfer onto(const Mesh& source, const Mesh& target, Placing placing) {
   TransferOptions options;
   options.placing = placing;
-  return MeshTransfer(source, target, same_topology(source, target), options);
+  return MeshTransfer(source, target, identity_correspondence(source, target), options);
 }
 
 Positions arched(const Positions& p) {
@@ -145,8 +145,8 @@ TEST_CASE("contacts equal their formula over all pairs") {
   for (int i = 150; i < kCount; ++i) parts[i] = 0;
   ThreadPool pool(2);
   Contacts contacts(rest, parts, Eigen::VectorXd::Ones(kCount), kReach);
-  REQUIRE(contacts.take(posed, pool));
-  const Rows found = contacts.missing(posed, placed, pool);
+  REQUIRE(contacts.find_closing(posed, pool));
+  const Rows found = contacts.closing_displacements(posed, placed, pool);
 
   const auto risen = [](double t) { return t <= 0 ? 0 : t >= 1 ? 1 : 3 * t * t - 2 * t * t * t; };
   int closing = 0;
@@ -189,8 +189,8 @@ TEST_CASE(
   two_heaps.topRows(kCount / 2).col(0).array() += 0.012;
   // All within reach of all; and two heaps in neighbouring cells, out of reach of each other.
   for (const Positions& heap : {Positions(1e-6 * rest), Positions(0.01 * rest), two_heaps}) {
-    REQUIRE(contacts.take(heap, pool));
-    const Rows found = contacts.missing(heap, rest, pool);
+    REQUIRE(contacts.find_closing(heap, pool));
+    const Rows found = contacts.closing_displacements(heap, rest, pool);
     CHECK(found.allFinite());
     CHECK(int((found.col(3).array() > 0).count()) >
           int(0.995 * kCount));  // others stand for the rest
@@ -208,8 +208,8 @@ TEST_CASE(
     placed.bottomRows(side * side).col(2).array() += 0.01;
     Contacts both(open, std::vector<int>(size_t(open.rows()), 0),
                   Eigen::VectorXd::Constant(open.rows(), 1.0 / (side * side)), 0.03);
-    REQUIRE(both.take(closed, pool));
-    const Rows found = both.missing(closed, placed, pool) / (side * side);
+    REQUIRE(both.find_closing(closed, pool));
+    const Rows found = both.closing_displacements(closed, placed, pool) / (side * side);
     return Eigen::Vector2d(found.topRows(side * side).col(2).sum(),
                            found.topRows(side * side).col(3).sum());
   };
@@ -438,7 +438,7 @@ Positions at_points(const std::vector<PointOnTriangle>& points, const Triangles&
   Positions result = Positions::Zero(Index(points.size()), 3);
   for (size_t v = 0; v < points.size(); ++v)
     for (int k = 0; k < 3; ++k)
-      result.row(Index(v)) += points[v].weights[k] * values.row(t(points[v].triangle, k));
+      result.row(Index(v)) += points[v].barycentric[k] * values.row(t(points[v].triangle, k));
   return result;
 }
 
@@ -453,8 +453,14 @@ TEST_CASE("a source that was fitted tells the points that a target's vertices co
                            target.positions) < 1e-12);
   // Pairs of triangles alone don't tell the vertices' points as exactly.
   const SourceGradients gradients(source, target, match.correspondence, {});
-  const SourcePoints told(source, target, Fans(target.triangles, target.vertex_count()), gradients,
-                          {}, pool);
+  const Similarity placement;
+  TransferContext context;
+  context.source = &source;
+  context.target = &target;
+  context.placement = &placement;
+  context.gradients = &gradients;
+  context.pool = &pool;
+  const SourcePoints told(context, VertexTriangles(target.triangles, target.vertex_count()));
   double off = 0;
   for (int v = 0; v < target.vertex_count(); ++v)
     off =
@@ -545,7 +551,7 @@ TEST_CASE("parts without a source go as displaced ones do, and pinned ones keep 
   CHECK(largest_difference(alone.apply(pose, false), target.positions.rowwise() + shift) < 1e-9);
   options.anchor = Anchor::pinned;
   options.anchors = {5, 11, 40};
-  MeshTransfer pinned(source, target, same_topology(source, target), options);
+  MeshTransfer pinned(source, target, identity_correspondence(source, target), options);
   CHECK(largest_difference(pinned.apply(pose, false), target.positions) < 1e-9);
 }
 
@@ -564,7 +570,7 @@ TEST_CASE("vertices without a given point take the pairs', and weights are scale
           MeshTransfer(source, target, match.correspondence, options).apply(pose, false));
     };
     std::vector<PointOnTriangle> none(all.size()), short_of_one = all;
-    for (PointOnTriangle& point : short_of_one) point.weights *= 0.9995;
+    for (PointOnTriangle& point : short_of_one) point.barycentric *= 0.9995;
     CHECK(largest_difference(applied(none), applied({})) == 0);
     CHECK(largest_difference(applied(short_of_one), applied(all)) < 1e-12);
   }
@@ -577,9 +583,9 @@ TEST_CASE("points with an impossible triangle, weights or count are refused") {
     options.points.resize(size_t(count));
     for (PointOnTriangle& point : options.points) {
       point.triangle = triangle;
-      point.weights = weights;
+      point.barycentric = weights;
     }
-    MeshTransfer(mesh, mesh, same_topology(mesh, mesh), options);
+    MeshTransfer(mesh, mesh, identity_correspondence(mesh, mesh), options);
   };
   const Index n = mesh.positions.rows();
   const Eigen::Vector3d middle = Eigen::Vector3d::Constant(1 / 3.0);
@@ -613,7 +619,7 @@ TEST_CASE("pins and anchors hold with places of the source, too") {
                                        {Placing::displacements, Anchor::centroid}}));
   options.placing = placing;
   options.anchor = anchor;
-  MeshTransfer transfer(source, target, same_topology(source, target), options);
+  MeshTransfer transfer(source, target, identity_correspondence(source, target), options);
   const Positions found = transfer.apply(pose, false);
   REQUIRE(found.allFinite());
   const Eigen::RowVector3d mean = 0.5 * (found.row(5) + found.row(11)),
@@ -628,8 +634,8 @@ TEST_CASE("the number of threads changes no bit of places and contacts", "[threa
   options.placing = Placing::vertices;
   const auto result = [&](int threads) {
     options.threads = threads;
-    MeshTransfer transfer(source.mesh, target.mesh, same_topology(source.mesh, target.mesh),
-                          options);
+    MeshTransfer transfer(source.mesh, target.mesh,
+                          identity_correspondence(source.mesh, target.mesh), options);
     return Positions(transfer.apply(Lids::closed(source.mesh.positions, 0.039), false));
   };
   CHECK(result(1) == result(3));

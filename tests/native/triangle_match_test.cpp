@@ -14,7 +14,7 @@ TEST_CASE(
   const auto confidence_in = [&](const Positions& registered, Index triangle) {
     Match match;
     match.confidence.assign(size_t(source.triangle_count()), 0.8f);
-    match.correspondence = same_topology(source, source);
+    match.correspondence = identity_correspondence(source, source);
     doubt_stretched(match, source, registered);
     return match.confidence[size_t(triangle)];
   };

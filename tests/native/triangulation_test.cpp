@@ -127,7 +127,7 @@ TEST_CASE("TRIANGULATION: a plane of needles alone bends as one of squares does"
 TEST_CASE("TRIANGULATION: the factors of flipped triangles are as small as those of good ones") {
   const test::Case plane = test::lifted_plane();
   const auto entries = [&](const Mesh& mesh) {
-    const Region region = split_region(mesh, plane.roles, 1);
+    const Region region = make_region(mesh, plane.roles, 1);
     const auto operators =
         surface_operators(mesh.positions, mesh.triangles, Triangulation::delaunay);
     const SparseMatrix poisson = free_block(operators.laplacian, region);

@@ -90,7 +90,8 @@ double depth(const Mesh& body, const Mesh& garment) {
     double height = -1e3;
     tree.nearest(place, std::sqrt(near.squared_distance) + 1e-9, [&](int j) {
       if (nearest_on_triangle(body, j, place).squared_distance <= near.squared_distance + 1e-12)
-        height = std::max(height, normals.row(j).dot(place.transpose() - near.place.transpose()));
+        height =
+            std::max(height, normals.row(j).dot(place.transpose() - near.position.transpose()));
       return false;
     });
     deepest = std::max(deepest, -height);
@@ -110,9 +111,10 @@ double standing_out(const Mesh& body, const Mesh& garment) {
     const PointOnTriangle near =
         tree.nearest(body.positions.row(v).transpose(), 0.5, [](int) { return true; });
     // Beyond the garment's ends nothing stands out of it.
-    if (near.triangle < 0 || near.weights.minCoeff() < 1e-6) continue;
-    farthest = std::max(
-        farthest, normals.row(near.triangle).dot(body.positions.row(v) - near.place.transpose()));
+    if (near.triangle < 0 || near.barycentric.minCoeff() < 1e-6) continue;
+    farthest =
+        std::max(farthest,
+                 normals.row(near.triangle).dot(body.positions.row(v) - near.position.transpose()));
   }
   return farthest;
 }

@@ -110,14 +110,14 @@ template <class Float>
 using Strided = Eigen::Map<Float, Eigen::Unaligned, Eigen::OuterStride<>>;
 using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-constexpr size_t kPoint = 3 * sizeof(float);
+constexpr size_t kPointBytes = 3 * sizeof(float);
 
 /// A caller's points as they lie in memory. Throws if the struct is malformed.
 template <class Rows, class Points>
 Strided<Rows> strided(const std::string& name, const Points& points) {
   require(points.first || points.count == 0, name + ".first is null");
   require(points.count < kMostElements, name + " has more points than can be numbered");
-  require(points.count == 0 || (points.stride >= kPoint && points.stride <= kLargestStruct &&
+  require(points.count == 0 || (points.stride >= kPointBytes && points.stride <= kLargestStruct &&
                                 points.stride % sizeof(float) == 0),
           name + ".stride is " + std::to_string(points.stride) +
               ", which is no multiple of 4 bytes from 12 to 4096");

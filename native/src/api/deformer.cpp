@@ -9,7 +9,7 @@
 #include "api/job.h"
 #include "api/options.h"
 #include "deform/draft.h"
-#include "support/beside.h"
+#include "support/run_async.h"
 
 using namespace dd::api;
 
@@ -81,7 +81,7 @@ std::vector<int> vertices_of(const dd::Deformer& deformer, dd_finding finding) {
     case DD_FINDING_RESTING:
       return deformer.region().resting;
     case DD_FINDING_LOOSE:
-      return deformer.region().loose;
+      return deformer.region().isolated;
     case DD_FINDING_DEGENERATE:
       return corners(deformer.mesh(), deformer.degenerate_triangles());
     case DD_FINDING_UNREPRESENTED:
@@ -89,7 +89,7 @@ std::vector<int> vertices_of(const dd::Deformer& deformer, dd_finding finding) {
     case DD_FINDING_FAR:
       return proxy ? proxy->far : std::vector<int>{};
     case DD_FINDING_TORN:
-      return proxy ? proxy->torn : std::vector<int>{};
+      return proxy ? proxy->ambiguous : std::vector<int>{};
   }
   return {};
 }
@@ -108,7 +108,7 @@ class BindJob final : public JobFor<dd_deformer> {
       // Made in a thread beside the bind, since much of a bind runs on one thread.
       std::future<void> draft;
       if (with_draft) {
-        draft = dd::beside(how.threads, [&] { make_draft(mesh, roles, handle_count, how); });
+        draft = dd::run_async(how.threads, [&] { make_draft(mesh, roles, handle_count, how); });
         if (draft.wait_for(std::chrono::seconds(0)) == std::future_status::deferred) draft.get();
       }
       auto bound = std::make_shared<Bound>(mesh, roles, handle_count, how, progress);
@@ -143,12 +143,12 @@ class BindJob final : public JobFor<dd_deformer> {
   std::unique_ptr<dd_draft> draft_;
 };
 
-/// The update, as steps where there are any; let_go: see split_update().
+/// The update, as steps where there are any; on_deformer_released: see split_update().
 dd::SplitResult update_in_steps(dd::Deformer& deformer, const Update& update,
                                 Strided<FloatRows> out, const dd::Progress& progress = {},
-                                const std::function<void()>& let_go = {}) {
-  dd::SplitResult result =
-      dd::split_update(deformer, update.motion, update.options, progress, update.base(), let_go);
+                                const std::function<void()>& on_deformer_released = {}) {
+  dd::SplitResult result = dd::split_update(deformer, update.motion, update.options, progress,
+                                            update.base(), on_deformer_released);
   if (update.values == Values::positions) result.offsets += deformer.mesh().positions;
   write_floats(result.offsets, out);
   return result;
@@ -279,7 +279,7 @@ dd_status dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* in
     facts.free_count = region.free_count();
     note(region.resting, facts.resting_count, facts.resting_example);
     facts.resting_component_count = region.resting_component_count;
-    note(region.loose, facts.loose_count, facts.loose_example);
+    note(region.isolated, facts.loose_count, facts.loose_example);
     note(region.idle_handles, facts.idle_handle_count, facts.idle_handle_example);
     note(bound.degenerate_triangles(), facts.degenerate_count, facts.degenerate_example);
     const dd::MethodFindings detail = bound.findings(dd::MethodKind::detail);
@@ -291,7 +291,7 @@ dd_status dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* in
     if (const dd::BaseProxy* proxy = bound.proxy()) {
       facts.proxy_vertex_count = proxy->vertex_count();
       note(proxy->far, facts.far_count, facts.far_example);
-      note(proxy->torn, facts.torn_count, facts.torn_example);
+      note(proxy->ambiguous, facts.torn_count, facts.torn_example);
     }
     facts.bind_seconds = of.bind_seconds;
     facts.bytes = bound.bytes();

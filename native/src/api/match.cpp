@@ -40,6 +40,43 @@ std::optional<dd::Similarity> read_stance(const dd_match_options& options) {
   return read_similarity("options.stance", options.stance);
 }
 
+/// What a match is made of, checked and copied.
+struct MatchInput {
+  dd::Mesh source, target;
+  dd::Pairs markers;
+  dd::RegistrationOptions how;
+  std::optional<dd::Similarity> stance;
+};
+
+std::unique_ptr<dd_match> match_of(const MatchInput& given, const dd::Progress& progress) {
+  dd::validate(given.source, dd::MeshOf::source);
+  dd::validate(given.target, dd::MeshOf::target);
+  const dd::Mesh& to = given.target;
+  const int threads = given.how.threads;
+  const bool mirrored = dd::marked_as_mirror_image(given.source, to, given.markers);
+  const dd::Mesh from = mirrored ? dd::mirror_image(given.source) : given.source;
+  const dd::Similarity* stance = given.stance && !mirrored ? &*given.stance : nullptr;
+  const dd::Alignment alignment =
+      dd::align(from, to, given.markers, threads, dd::within(progress, 0, 0.3), stance);
+  auto made = std::make_unique<dd_match>();
+  made->registered = dd::register_onto(from, to, given.markers, alignment, given.how,
+                                       dd::within(progress, 0.3, 0.9));
+  made->match = dd::match_triangles({made->registered, from.triangles}, to, given.how.reach,
+                                    threads, dd::within(progress, 0.9, 0.97));
+  dd::doubt_stretched(made->match, from, made->registered);
+  dd::ThreadPool pool(threads);
+  made->points =
+      dd::points_of_fit({made->registered, from.triangles}, to, made->match.correspondence, pool);
+  if (mirrored)  // whose triangles go round the other way
+    for (dd::PointOnTriangle& point : made->points)
+      std::swap(point.barycentric[1], point.barycentric[2]);
+  dd::report(progress, 1, dd::Stage::done);
+  made->facts.ambiguous = alignment.ambiguous;
+  made->facts.mirrored = mirrored;
+  made->facts.confidence = dd::mean_confidence(made->match, to);
+  return made;
+}
+
 }  // namespace
 
 extern "C" {
@@ -49,36 +86,12 @@ dd_status dd_match_start(const dd_mesh* source, const dd_mesh* target, const int
   return guarded([&] {
     require(job, "job is null");
     const dd_match_options read = read_struct(options, match_defaults());
-    start_job<dd_match>(
-        "a match", job,
-        [given = read_mesh("source", source), to = read_mesh("target", target),
-         pairs = read_pairs("markers", markers, marker_count), how = read_options(read),
-         stance = read_stance(read)](const dd::Progress& progress) {
-          auto made = std::make_unique<dd_match>();
-          dd::validate(given, dd::MeshOf::source);
-          dd::validate(to, dd::MeshOf::target);
-          const bool mirrored = dd::marked_as_mirror_image(given, to, pairs);
-          const dd::Mesh from = mirrored ? dd::mirror_image(given) : given;
-          const dd::Similarity* beside = stance && !mirrored ? &*stance : nullptr;
-          const dd::Alignment alignment =
-              dd::align(from, to, pairs, how.threads, dd::within(progress, 0, 0.3), beside);
-          made->registered =
-              dd::register_onto(from, to, pairs, alignment, how, dd::within(progress, 0.3, 0.9));
-          made->match = dd::match_triangles({made->registered, from.triangles}, to, how.reach,
-                                            how.threads, dd::within(progress, 0.9, 0.97));
-          dd::doubt_stretched(made->match, from, made->registered);
-          dd::ThreadPool pool(how.threads);
-          made->points = dd::points_of_fit({made->registered, from.triangles}, to,
-                                           made->match.correspondence, pool);
-          if (mirrored)  // whose triangles go round the other way
-            for (dd::PointOnTriangle& point : made->points)
-              std::swap(point.weights[1], point.weights[2]);
-          dd::report(progress, 1, dd::Stage::done);
-          made->facts.ambiguous = alignment.ambiguous;
-          made->facts.mirrored = mirrored;
-          made->facts.confidence = dd::mean_confidence(made->match, to);
-          return made;
-        });
+    MatchInput given = {read_mesh("source", source), read_mesh("target", target),
+                        read_pairs("markers", markers, marker_count), read_options(read),
+                        read_stance(read)};
+    start_job<dd_match>("a match", job, [given = std::move(given)](const dd::Progress& progress) {
+      return match_of(given, progress);
+    });
   });
 }
 
@@ -123,7 +136,7 @@ dd_status dd_match_get_points(const dd_match* match, int32_t* triangles, float* 
     require(weights, "weights is null");
     for (const dd::PointOnTriangle& point : match->points) {
       *triangles++ = point.triangle;
-      for (double weight : point.weights)
+      for (double weight : point.barycentric)
         *weights++ = static_cast<float>(std::max(weight, 0.0));  // but for rounding
     }
   });

@@ -32,7 +32,7 @@ struct Given {
   dd::TransferOptions options;
 
   dd::Correspondence correspondence() const {
-    if (!pairs) return dd::same_topology(source, target);
+    if (!pairs) return dd::identity_correspondence(source, target);
     if (pairs_of == PairsOf::vertices) return dd::vertex_correspondence(*pairs, source, target);
     return dd::triangle_correspondence(*pairs, source.triangle_count(), target.triangle_count());
   }
@@ -52,7 +52,8 @@ void read_points(const dd_transfer_options& options, Given& given) {
   for (size_t v = 0; v < count; ++v) {
     dd::PointOnTriangle& point = given.options.points[v];
     point.triangle = options.point_triangles[v];
-    point.weights = Eigen::Map<const Eigen::Vector3f>(options.point_weights + 3 * v).cast<double>();
+    point.barycentric =
+        Eigen::Map<const Eigen::Vector3f>(options.point_weights + 3 * v).cast<double>();
   }
 }
 
@@ -150,7 +151,7 @@ dd_status dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* in
     facts.unmatched_example = bound.gradients().unmatched_example();
     facts.unmatched_component_count = bound.unmatched_component_count();
     facts.unmatched_component_example = bound.unmatched_component_example();
-    facts.loose_count = bound.loose_count();
+    facts.loose_count = bound.isolated_count();
     const std::vector<int>& degenerate = bound.degenerate_triangles();
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());
     facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();

@@ -24,9 +24,10 @@ namespace dd {
 /// motion.
 class BaseProxy {
  public:
-  /// surface: S. proxy: at rest, validated. Both in the box of about unit size. Fills far and torn.
+  /// surface: S. proxy: at rest, validated. Both in the box of about unit size. Fills far and
+  /// ambiguous.
   BaseProxy(const Mesh& surface, Mesh proxy);
-  /// For points, n×3, with known closest points on the proxy. far and torn stay empty.
+  /// For points, n×3, with known closest points on the proxy. far and ambiguous stay empty.
   BaseProxy(const Positions& points, const std::vector<PointOnTriangle>& nearest, Mesh proxy);
 
   int vertex_count() const { return rest_.vertex_count(); }
@@ -37,21 +38,21 @@ class BaseProxy {
   std::vector<int> far;
   /// Vertices of S whose closest point and that of an edge neighbour lie far apart: they may be
   /// bound to different parts of the proxy.
-  std::vector<int> torn;
+  std::vector<int> ambiguous;
 
   double bytes() const;
 
  private:
   explicit BaseProxy(Mesh proxy);
   void bind(const Eigen::Vector3d& x, const PointOnTriangle& y);
-  void find_torn(const Mesh& surface);
+  void find_ambiguous(const Mesh& surface);
   void find_borders();
   std::vector<Eigen::Matrix3d> corner_gradients(const Positions& deformed) const;
 
   Mesh rest_;
   Eigen::VectorXd areas_;
   StandIns stand_ins_;
-  std::vector<Eigen::Matrix3d> inverse_;  // of each triangle at rest, (e_1, e_2, n)⁻¹
+  std::vector<Eigen::Matrix3d> rest_inverses_;  // of each triangle at rest, (e_1, e_2, n)⁻¹
   struct Border {
     int vertex;
     std::vector<int> inner;  // edge neighbours that are not on a border
@@ -59,7 +60,7 @@ class BaseProxy {
   std::vector<Border> borders_;
   struct Binding {
     int triangle;
-    Eigen::Vector3d weights, place, arm;  // λ, y, x − y
+    Eigen::Vector3d weights, position, arm;  // λ, y, x − y
   };
   std::vector<Binding> bindings_;
 };

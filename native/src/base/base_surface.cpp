@@ -17,13 +17,13 @@ Rows four_columns(const Positions& positions) {
 }  // namespace
 
 Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
-                       const Positions& positions, const Eigen::VectorXd& beside,
-                       double* one_solve_error) {
+                       const Positions& positions, const Eigen::VectorXd& fourth_column,
+                       double* single_solve_error) {
   Positions base = positions;
-  PolyharmonicSystem::Space space;
+  PolyharmonicSystem::Scratch space;
   space.values = four_columns(positions);
-  if (beside.size() > 0) space.values.col(3) = beside;
-  const Rows& free = bending.extend(space, one_solve_error);
+  if (fourth_column.size() > 0) space.values.col(3) = fourth_column;
+  const Rows& free = bending.extend(space, single_solve_error);
   for (int r = 0; r < region.free_count(); ++r)
     base.row(region.free[r]) = free.row(r).leftCols<3>();
   return base;
@@ -50,12 +50,12 @@ Positions smoothed_surface(const Positions& positions, const SurfaceOperators& o
     system.coeffRef(r, r) += operators.masses[region.free[r]];
   // The unknown is the displacement x − p, which is zero at constrained vertices.
   const Rows values = four_columns(positions);
-  EnergyProduct::Space space;
+  EnergyProduct::Scratch space;
   const EnergyProduct product(operators, Smoothness::thin_plate, values, space, nullptr);
   const UpdatedCholesky factor(factor_free_block(system, region), energy.vectors,
                                weight * energy.core, nullptr);
   Rows displacement;
-  SparseCholesky::Space solve;
+  SparseCholesky::SolveScratch solve;
   factor.solve_rows(
       [&](int r) -> Eigen::RowVector4d { return -weight * product.row(region.free[size_t(r)]); },
       displacement, solve, nullptr);

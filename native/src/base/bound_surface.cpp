@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "base/base_surface.h"
-#include "support/beside.h"
+#include "support/run_async.h"
 #include "systems/free_block.h"
 
 namespace dd {
@@ -18,8 +18,8 @@ namespace {
 /// n boundary values for K: at the handles' vertices Σ c_k · coordinate k with unlike coefficients
 /// c_k in [−1, 1], elsewhere 0. The error of one solve with them also reveals inaccuracy on
 /// components too small to affect the error of the base.
-Eigen::VectorXd unlike_motions(const HandleCoordinates& coordinates, const Region& region,
-                               const Positions& positions) {
+Eigen::VectorXd test_motions(const HandleCoordinates& coordinates, const Region& region,
+                             const Positions& positions) {
   Eigen::VectorXd values = Eigen::VectorXd::Zero(positions.rows());
   for (int v : region.handle_vertices) {
     const int h = region.role[v];
@@ -38,15 +38,27 @@ constexpr int kFewFunctions = 12;
 /// functions skip iterative refinement. 5e-7 in single precision is less than the error of a
 /// frame's own solve (2e-6 allowed). 1e-8 in full precision is above the 5e-11 and 1e-9 measured at
 /// 40,401 and 251,001 vertices; a million has 2e-7 (native/bench/RESULTS.md). 0 forces refinement.
-double exact_enough(Precision precision, int functions) {
+double single_solve_tolerance(Precision precision, int functions) {
   if (precision == Precision::single) return 5e-7;
   return functions > kFewFunctions ? 1e-8 : 0;
+}
+
+/// single_solve_error: as base_surface() returns it.
+HandleExtensionOptions extension_options(const BindOptions& options,
+                                         const HandleCoordinates& coordinates,
+                                         double single_solve_error, ThreadPool* pool) {
+  HandleExtensionOptions result;
+  result.pool = pool;
+  result.single_solve =
+      single_solve_error <= single_solve_tolerance(options.precision, coordinates.count());
+  result.precision = options.precision;
+  return result;
 }
 
 /// Runs work whose systems are built on another geometry than S. An UnsolvableSurface there is no
 /// fault of the mesh; it is rethrown as an Error with this message and remedy.
 template <class Work>
-auto blaming(const std::string& message, Remedy remedy, const Work& work) {
+auto rethrow_as(const std::string& message, Remedy remedy, const Work& work) {
   try {
     return work();
   } catch (const UnsolvableSurface& error) {
@@ -69,9 +81,9 @@ struct BoundSurface::Energy {
   std::shared_ptr<const SymbolicCholesky> symbolic;
 };
 
-BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
+BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindOptions& options,
                            ThreadPool& pool, const Progress& progress)
-    : FactoredSurface(std::move(surface), its_region, options.triangulation),
+    : FactoredSurface(std::move(surface), given_region, options.triangulation),
       coordinates(region, mesh.positions),
       examples(options.examples) {
   report(progress, 0.05, Stage::poisson);
@@ -81,7 +93,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;
   if (on_surface)
-    energy = beside(pool.count(), [&]() -> Energy {
+    energy = run_async(pool.count(), [&]() -> Energy {
       EnergyBlock bending = energy_block(operators, region, options.smoothness);
       auto symbolic =
           std::make_shared<SymbolicCholesky>(bending.sparse, dissection->order(bending.sparse));
@@ -103,63 +115,72 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   rest_base = in_order(base, order());
 }
 
-void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, Energy&& on_surface,
-                                const Progress& progress) {
-  how.symbolic = on_surface.symbolic;
+PolyharmonicSystem BoundSurface::factored_energy(const SurfaceOperators& metric,
+                                                 Smoothness smoothness,
+                                                 const EnergyBlock& on_surface,
+                                                 const BlockOptions& block_options) const {
+  if (&metric == &operators && on_surface.sparse.size() > 0)
+    return PolyharmonicSystem(metric, region, smoothness, on_surface, block_options);
+  return PolyharmonicSystem(metric, region, smoothness, block_options);
+}
+
+void BoundSurface::compute_base(const BindOptions& options, BlockOptions block_options,
+                                Energy&& on_surface, const Progress& progress) {
+  block_options.symbolic = on_surface.symbolic;
   const auto factored = [&](const SurfaceOperators& metric, double begin, double end, Stage stage) {
     report(progress, begin, stage);
-    how.progress = within(progress, begin, end);
-    how.stage = stage;
-    const bool made = &metric == &operators && on_surface.block.sparse.size() > 0;
+    block_options.progress = within(progress, begin, end);
+    block_options.stage = stage;
     PolyharmonicSystem bending =
-        made ? PolyharmonicSystem(metric, region, options.smoothness, on_surface.block, how)
-             : PolyharmonicSystem(metric, region, options.smoothness, how);
-    how.symbolic = bending.symbolic();
+        factored_energy(metric, options.smoothness, on_surface.block, block_options);
+    block_options.symbolic = bending.symbolic();
     return bending;
   };
-  const auto extend_handles = [&](const PolyharmonicSystem& bending, double one_solve_error,
-                                  double begin, double end) {
-    return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
-                           one_solve_error <= exact_enough(options.precision, coordinates.count()),
-                           options.precision, KeptOfEnergy::cheaper, [&](double done) {
-                             report(progress, begin + done * (end - begin), Stage::handles);
-                           });
+  const auto extend = [&](const PolyharmonicSystem& bending, double single_solve_error,
+                          double begin, double end) {
+    HandleExtensionOptions how =
+        extension_options(options, coordinates, single_solve_error, block_options.pool);
+    how.progress = [&](double done) {
+      report(progress, begin + done * (end - begin), Stage::handles);
+    };
+    return HandleExtension(bending, coordinates, region, mesh.positions, order(), how);
   };
-  const Eigen::VectorXd motions = unlike_motions(coordinates, region, mesh.positions);
+  const Eigen::VectorXd motions = test_motions(coordinates, region, mesh.positions);
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
     const PolyharmonicSystem bending = factored(metric, begin, begin + 0.2, Stage::energy);
     report(progress, begin + 0.2, Stage::base);
-    double one_solve_error = 0;
-    base = base_surface(bending, region, mesh.positions, motions, &one_solve_error);
+    double single_solve_error = 0;
+    base = base_surface(bending, region, mesh.positions, motions, &single_solve_error);
     (options.base_metric == BaseMetric::base ? surface_extension : extension) =
-        extend_handles(bending, one_solve_error, begin + 0.25, begin + 0.4);
+        extend(bending, single_solve_error, begin + 0.25, begin + 0.4);
   };
 
   if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
-    blaming("lies where the surface smoothed by " + edge_lengths(options.metric_smoothing) +
-                " edge lengths can't be solved for",
-            Remedy::smooth_metric_less, [&] {
-              const SurfaceOperators faired =
-                  surface_operators(faired_surface(mesh, operators, options.metric_smoothing),
-                                    mesh.triangles, options.triangulation);
-              solve_on(faired, 0.15);
-            });
+    rethrow_as("lies where the surface smoothed by " + edge_lengths(options.metric_smoothing) +
+                   " edge lengths can't be solved for",
+               Remedy::smooth_metric_less, [&] {
+                 const SurfaceOperators faired =
+                     surface_operators(faired_surface(mesh, operators, options.metric_smoothing),
+                                       mesh.triangles, options.triangulation);
+                 solve_on(faired, 0.15);
+               });
   } else {
     solve_on(operators, 0.15);
   }
   if (options.base_metric == BaseMetric::base) {
-    blaming("lies where the base surface collapses, so that its stiffness can't be measured",
-            Remedy::surface_metric, [&] {
-              // The mesh's own triangles: where the base is crumpled, intrinsic ones gather it
-              // further (on Fig. 3's thorns they make 13 intersections, these none).
-              const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
-              if (operators.flipped) how.symbolic = nullptr;
-              const PolyharmonicSystem bending = factored(on_base, 0.6, 0.8, Stage::energy_on_base);
-              double one_solve_error = 1;
-              if (coordinates.count() > kFewFunctions)
-                base_surface(bending, region, base, motions, &one_solve_error);
-              extension = extend_handles(bending, one_solve_error, 0.8, 1);
-            });
+    rethrow_as("lies where the base surface collapses, so that its stiffness can't be measured",
+               Remedy::surface_metric, [&] {
+                 // The mesh's own triangles: where the base is crumpled, intrinsic ones gather it
+                 // further (on Fig. 3's thorns they make 13 intersections, these none).
+                 const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
+                 if (operators.flipped) block_options.symbolic = nullptr;
+                 const PolyharmonicSystem bending =
+                     factored(on_base, 0.6, 0.8, Stage::energy_on_base);
+                 double single_solve_error = 1;
+                 if (coordinates.count() > kFewFunctions)
+                   base_surface(bending, region, base, motions, &single_solve_error);
+                 extension = extend(bending, single_solve_error, 0.8, 1);
+               });
   }
 }
 

@@ -50,6 +50,10 @@ struct BoundSurface : FactoredSurface {
 
  private:
   struct Energy;
+  /// K of a metric. on_surface: the block of K on S, if it is known already.
+  PolyharmonicSystem factored_energy(const SurfaceOperators& metric, Smoothness smoothness,
+                                     const EnergyBlock& on_surface,
+                                     const BlockOptions& block_options) const;
   void compute_base(const BindOptions& options, BlockOptions block_options, Energy&& on_surface,
                     const Progress& progress);
 };

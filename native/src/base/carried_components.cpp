@@ -12,7 +12,7 @@ namespace dd {
 
 namespace {
 
-Eigen::RowVector3d centre(const Rows& rows, const Triangles& t, Index j) {
+Eigen::RowVector3d centroid(const Rows& rows, const Triangles& t, Index j) {
   return (rows.row(t(j, 0)) + rows.row(t(j, 1)) + rows.row(t(j, 2))).head<3>() / 3;
 }
 
@@ -34,29 +34,29 @@ CarriedComponents::CarriedComponents(const BoundSurface& bound) : bound_(bound) 
     components_.push_back(std::move(carried));
   }
   triangles_.resize(static_cast<Index>(chosen.size()), 3);
-  arms_.resize(static_cast<Index>(chosen.size()), 3);
+  centroid_offsets_.resize(static_cast<Index>(chosen.size()), 3);
   for (size_t i = 0; i < chosen.size(); ++i) {
     for (int k = 0; k < 3; ++k) triangles_(Index(i), k) = row_of[t(chosen[i], k)];
-    arms_.row(Index(i)) =
-        centre(bound.rest, triangles_, Index(i)) - centre(bound.rest_base, triangles_, Index(i));
+    centroid_offsets_.row(Index(i)) = centroid(bound.rest, triangles_, Index(i)) -
+                                      centroid(bound.rest_base, triangles_, Index(i));
   }
-  blocks_ = rotation_blocks<double>(
+  rotation_blocks_ = rotation_blocks<double>(
       bound.base, t, chosen, stand_ins(bound.base, t, bounding_box_diagonal(bound.mesh.positions)),
       bound.order());
-  rotations_ = Rows::Zero(kLanes * static_cast<Index>(blocks_.size()), 4);
+  rotations_ = Rows::Zero(kLanes * static_cast<Index>(rotation_blocks_.size()), 4);
 }
 
 void CarriedComponents::place(const Rows& base, Rows& offsets) {
-  kernels().full.rotation_pass(static_cast<int>(blocks_.size()), blocks_.data(), base.data(),
-                               rotations_.data());
+  kernels().full.rotation_pass(static_cast<int>(rotation_blocks_.size()), rotation_blocks_.data(),
+                               base.data(), rotations_.data());
   for (const Carried& component : components_) {
     MeanShift missing;
     for (int j : component.triangles) {
-      const Eigen::Vector3d arm =
-          quaternion(rotations_, j) * Eigen::Vector3d(arms_.row(j).transpose());
-      missing.add(areas_[j], centre(base, triangles_, j) + arm.transpose() -
-                                 centre(bound_.rest, triangles_, j) -
-                                 centre(offsets, triangles_, j));
+      const Eigen::Vector3d offset =
+          quaternion(rotations_, j) * Eigen::Vector3d(centroid_offsets_.row(j).transpose());
+      missing.add(areas_[j], centroid(base, triangles_, j) + offset.transpose() -
+                                 centroid(bound_.rest, triangles_, j) -
+                                 centroid(offsets, triangles_, j));
     }
     for (int r : component.rows) offsets.row(r).head<3>() += missing.mean();
   }

@@ -31,8 +31,8 @@ class CarriedComponents {
   std::vector<Carried> components_;
   Triangles triangles_;  // corners are rows in order()
   std::vector<double> areas_;
-  Positions arms_;  // c_j − b_j
-  std::vector<RotationBlock<double>> blocks_;
+  Positions centroid_offsets_;  // c_j − b_j
+  std::vector<RotationBlock<double>> rotation_blocks_;
   Rows rotations_;
 };
 

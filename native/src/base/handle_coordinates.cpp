@@ -10,7 +10,7 @@ namespace {
 // Absolute, in the unit box: a handle with a smaller extent along a principal axis counts as flat
 // there. Thousands of times the rounding of double-precision positions, so that no basis function
 // is made of rounding alone.
-constexpr double kFlat = 1e-12;
+constexpr double kMinHandleExtent = 1e-12;
 
 }  // namespace
 
@@ -34,19 +34,20 @@ HandleCoordinates::HandleCoordinates(const Region& region, const Positions& posi
   for (int v : region.handle_vertices) scatter[region.role[v]] += arm(v).transpose() * arm(v);
   std::vector<Eigen::Matrix3d> principal;
   principal.reserve(scatter.size());
-  for (const Eigen::Matrix3d& of_one : scatter)
-    principal.push_back(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(of_one).eigenvectors());
+  for (const Eigen::Matrix3d& scatter_matrix : scatter)
+    principal.push_back(
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter_matrix).eigenvectors());
   // Extents are measured along the axes: the square roots of the scatter matrix' eigenvalues would
   // have only half the digits.
-  RowMatrix reach = RowMatrix::Zero(region.handle_count, 3);
+  RowMatrix extents = RowMatrix::Zero(region.handle_count, 3);
   for (int v : region.handle_vertices) {
     const int h = region.role[v];
-    reach.row(h) = reach.row(h).cwiseMax((arm(v) * principal[h]).cwiseAbs());
+    extents.row(h) = extents.row(h).cwiseMax((arm(v) * principal[h]).cwiseAbs());
   }
   for (int h = 0; h < region.handle_count; ++h) {
     Axes axes(3, 0);
     for (int k = 0; k < 3; ++k) {
-      if (!(reach(h, k) > kFlat)) continue;
+      if (!(extents(h, k) > kMinHandleExtent)) continue;
       axes.conservativeResize(3, axes.cols() + 1);
       axes.rightCols<1>() = principal[h].col(k);
     }

@@ -27,38 +27,37 @@ SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Regio
 HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
                                  const HandleCoordinates& coordinates, const Region& region,
                                  const Positions& positions, const RowOrder& order,
-                                 ThreadPool& pool, bool one_solve, Precision precision,
-                                 KeptOfEnergy kept, const std::function<void(double)>& progress)
+                                 const HandleExtensionOptions& options)
     : coordinates_(coordinates),
-      values_(values_at_handles(coordinates, region, positions)),
-      pool_(&pool) {
+      coordinate_values_(values_at_handles(coordinates, region, positions)),
+      pool_(options.pool) {
   for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
   const int64_t entries = int64_t{coordinates.count()} * region.free_count();
   // Break-even at half the factor's entries: a frame reads W once and the factor up to twice, but
   // the bind would have to solve for each column of W.
-  const bool keep =
-      kept == KeptOfEnergy::factor || (kept == KeptOfEnergy::cheaper && one_solve &&
-                                       2 * entries > bending.factor()->factor().entries());
+  const bool keep = options.kept == KeptOfEnergy::factor ||
+                    (options.kept == KeptOfEnergy::cheaper && options.single_solve &&
+                     2 * entries > bending.factor()->factor().entries());
   std::unique_ptr<HandleSolve> solve;
-  if (keep || one_solve) solve = std::make_unique<HandleSolve>(bending, region, &pool);
+  if (keep || options.single_solve) solve = std::make_unique<HandleSolve>(bending, region, pool_);
   if (keep) {
-    solve->prepare_frames(values_, row_of_free_, precision);
+    solve->prepare_frames(coordinate_values_, row_of_free_, options.precision);
     solve_ = std::move(solve);
     return;
   }
   if (solve) {
-    functions_ = extended_by(*solve, progress);
+    basis_functions_ = extended_by(*solve, options.progress);
     return;
   }
-  PolyharmonicSystem::Space space;
+  PolyharmonicSystem::Scratch space;
   space.values = Rows::Zero(positions.rows(), 4);
-  functions_ = extended(
+  basis_functions_ = extended(
       [&](const Rows& values) -> const Rows& {
         for (Index i = 0; i < values.rows(); ++i)
           space.values.row(region.handle_vertices[size_t(i)]) = values.row(i);
         return bending.extend(space);
       },
-      progress);
+      options.progress);
 }
 
 template <class Extend>
@@ -69,11 +68,11 @@ RowMatrix HandleExtension::extended(const Extend& extend,
   RowMatrix result(free_count, count);
   std::vector<int> free_of_row(row_of_free_.size());
   for (int r = 0; r < free_count; ++r) free_of_row[row_of_free_[r]] = r;
-  Rows values = Rows::Zero(values_.rows(), 4);
+  Rows values = Rows::Zero(coordinate_values_.rows(), 4);
   for (Index first = 0; first < count; first += 4) {
     const Index width = std::min<Index>(4, count - first);
     values.setZero();
-    values.leftCols(width) = values_.middleCols(first, width);
+    values.leftCols(width) = coordinate_values_.middleCols(first, width);
     const Rows& some = extend(values);
     pool_->parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t row = begin; row < end; ++row)
@@ -87,13 +86,13 @@ RowMatrix HandleExtension::extended(const Extend& extend,
 
 RowMatrix HandleExtension::extended_by(const HandleSolve& solve,
                                        const std::function<void(double)>& progress) const {
-  HandleSolve::Space space;
+  HandleSolve::Scratch space;
   return extended([&](const Rows& values) -> const Rows& { return solve.extend(values, space); },
                   progress);
 }
 
-const RowMatrix& HandleExtension::functions(RowMatrix& space) const {
-  if (!solve_) return functions_;
+const RowMatrix& HandleExtension::basis_functions(RowMatrix& space) const {
+  if (!solve_) return basis_functions_;
   space = extended_by(*solve_, {});
   return space;
 }
@@ -104,16 +103,16 @@ void HandleExtension::displace(const RowMatrix& coefficients, const Rows& rest, 
     solve_->add_extended(reduced, rest, out);
     return;
   }
-  pool_->parallel_for(functions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-    kernels().blend(static_cast<int>(end - begin), static_cast<int>(functions_.cols()),
-                    functions_.row(begin).data(), reduced.data(), rest.row(begin).data(),
+  pool_->parallel_for(basis_functions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    kernels().blend(static_cast<int>(end - begin), static_cast<int>(basis_functions_.cols()),
+                    basis_functions_.row(begin).data(), reduced.data(), rest.row(begin).data(),
                     out.row(begin).data());
   });
 }
 
 double HandleExtension::bytes() const {
-  return static_cast<double>(functions_.size()) * sizeof(double) +
-         static_cast<double>(values_.nonZeros()) * (sizeof(double) + sizeof(int)) +
+  return static_cast<double>(basis_functions_.size()) * sizeof(double) +
+         static_cast<double>(coordinate_values_.nonZeros()) * (sizeof(double) + sizeof(int)) +
          static_cast<double>(row_of_free_.size() * sizeof(int)) + (solve_ ? solve_->bytes() : 0);
 }
 

@@ -13,9 +13,18 @@ namespace dd {
 
 /// What a bind keeps so that frames can solve K δq = 0.
 enum class KeptOfEnergy {
-  cheaper,    ///< K's factor if W is larger than half of it and one solve is exact enough, else W
-  functions,  ///< W
-  factor      ///< K's factor
+  cheaper,  ///< K's factor if W is larger than half of it and one solve is exact enough, else W
+  basis_functions,  ///< W
+  factor            ///< K's factor
+};
+
+struct HandleExtensionOptions {
+  ThreadPool* pool = nullptr;  ///< not null; must outlive the extension
+  /// Whether a column of W takes one solve of K; else iterative refinement runs until it converges.
+  bool single_solve = false;
+  Precision precision = Precision::full;  ///< of the frames
+  KeptOfEnergy kept = KeptOfEnergy::cheaper;
+  std::function<void(double)> progress = {};  ///< called with the finished fraction, from 0 to 1
 };
 
 /// The displacement of the base, which is linear in the handles' affine matrices (§6, after Botsch
@@ -31,19 +40,14 @@ enum class KeptOfEnergy {
 class HandleExtension {
  public:
   HandleExtension() = default;  ///< without handles
-  /// positions: S. order: row order of the displacements. pool must outlive it. one_solve: whether
-  /// a column of W takes one solve of K; else iterative refinement runs until it converges.
-  /// precision: of the frames. progress: called with the finished fraction, from 0 to 1. Throws
-  /// UnsolvableSurface.
+  /// positions: S. order: row order of the displacements. Throws UnsolvableSurface.
   HandleExtension(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
                   const Region& region, const Positions& positions, const RowOrder& order,
-                  ThreadPool& pool, bool one_solve, Precision precision,
-                  KeptOfEnergy kept = KeptOfEnergy::cheaper,
-                  const std::function<void(double)>& progress = {});
+                  const HandleExtensionOptions& options);
 
   bool empty() const { return coordinates_.count() == 0; }
   bool factor_kept() const { return solve_ != nullptr; }
-  bool first_half_is_ready() const { return solve_ && solve_->first_half_is_ready(); }
+  bool has_precomputed_forward() const { return solve_ && solve_->has_precomputed_forward(); }
   bool in_single() const { return solve_ && solve_->in_single(); }
 
   /// Sets the free rows of out to those of rest + δq. coefficients: C of all handles, 4h×4, its
@@ -51,7 +55,7 @@ class HandleExtension {
   void displace(const RowMatrix& coefficients, const Rows& rest, Rows& out) const;
 
   /// W, F×coordinates, rows in order. If W is not kept, it is computed into space.
-  const RowMatrix& functions(RowMatrix& space) const;
+  const RowMatrix& basis_functions(RowMatrix& space) const;
 
   double bytes() const;
 
@@ -62,10 +66,10 @@ class HandleExtension {
                         const std::function<void(double)>& progress) const;
 
   HandleCoordinates coordinates_;
-  SparseMatrix values_;           // the coordinates of the handles' vertices
-  std::vector<int> row_of_free_;  // row in the order of each of Region::free
+  SparseMatrix coordinate_values_;  // the coordinates of the handles' vertices
+  std::vector<int> row_of_free_;    // row in the order of each of Region::free
   ThreadPool* pool_ = nullptr;
-  RowMatrix functions_;                 // W, or empty if solve_
+  RowMatrix basis_functions_;           // W, or empty if solve_
   std::unique_ptr<HandleSolve> solve_;  // with K's factor, or null
 };
 

@@ -9,7 +9,7 @@ namespace dd {
 RowMatrix harmonic_weights(const BoundSurface& bound) {
   const int free_count = bound.order().free_count;
   RowMatrix weights(free_count, bound.region.handle_count);
-  each_harmonic_weights(bound, [&](int first, int count, const Rows& values) {
+  for_each_harmonic_weights(bound, [&](int first, int count, const Rows& values) {
     weights.middleCols(first, count) = values.topLeftCorner(free_count, count);
   });
   return weights;
@@ -17,31 +17,31 @@ RowMatrix harmonic_weights(const BoundSurface& bound) {
 
 HarmonicBlend::HarmonicBlend(const BoundSurface& bound)
     : bound_(bound),
-      weighted_(int64_t{bound.region.handle_count} * bound.order().free_count <=
-                bound.poisson->entries()) {
-  if (weighted_) weights_ = harmonic_weights(bound);
+      keeps_weights_(int64_t{bound.region.handle_count} * bound.order().free_count <=
+                     bound.poisson->entries()) {
+  if (keeps_weights_) weights_ = harmonic_weights(bound);
 }
 
-void HarmonicBlend::take(RowMatrix values) {
-  if (weighted_) {
+void HarmonicBlend::set_values(RowMatrix values) {
+  if (keeps_weights_) {
     values_ = std::move(values);
     return;
   }
   const RowOrder& order = bound_.order();
   values_.resize(order.free_count, values.cols());
-  Rows spread = Rows::Zero(order.count(), 4);
+  Rows interpolated = Rows::Zero(order.count(), 4);
   for (Index first = 0; first < values.cols(); first += 3) {
     const Index count = std::min<Index>(3, values.cols() - first);
     for (int r = order.free_count; r < order.fixed_begin; ++r)
-      spread.row(r).head(count) =
+      interpolated.row(r).head(count) =
           values.row(bound_.region.role[order.vertex_of_row[r]]).segment(first, count);
-    bound_.poisson->extend(spread);
-    values_.middleCols(first, count) = spread.topLeftCorner(order.free_count, count);
+    bound_.poisson->extend(interpolated);
+    values_.middleCols(first, count) = interpolated.topLeftCorner(order.free_count, count);
   }
 }
 
 RowMatrix HarmonicBlend::rows(Index begin, Index end) const {
-  if (!weighted_) return values_.middleRows(begin, end - begin);
+  if (!keeps_weights_) return values_.middleRows(begin, end - begin);
   return weights_.middleRows(begin, end - begin) * values_;
 }
 

@@ -8,7 +8,7 @@ namespace dd {
 /// Calls use(first, count, values) for successive groups of up to three handles: column k < count
 /// of values holds the harmonic weights of handle first + k, rows in BoundSurface::order().
 template <class Use>
-void each_harmonic_weights(const BoundSurface& bound, const Use& use) {
+void for_each_harmonic_weights(const BoundSurface& bound, const Use& use) {
   const RowOrder& order = bound.order();
   // A solve of the Poisson system has three columns, one for each handle of the group.
   for (int first = 0; first < bound.region.handle_count; first += 3) {
@@ -28,13 +28,13 @@ RowMatrix harmonic_weights(const BoundSurface& bound);
 
 /// Interpolates values x_h of the handles over the surface by harmonic weights, Σ_h a_h x_h. If the
 /// weights have no more entries than the Poisson factor, they are computed once and kept; else each
-/// take() solves for the interpolated values, three columns at a time.
+/// set_values() solves for the interpolated values, three columns at a time.
 class HarmonicBlend {
  public:
   explicit HarmonicBlend(const BoundSurface& bound);
 
   /// Sets the values, h×k, a row for each handle.
-  void take(RowMatrix values);
+  void set_values(RowMatrix values);
   /// The interpolated values of the free rows begin to end, (end − begin)×k. Thread-safe.
   RowMatrix rows(Index begin, Index end) const;
 
@@ -42,9 +42,9 @@ class HarmonicBlend {
 
  private:
   const BoundSurface& bound_;
-  bool weighted_;
-  RowMatrix weights_;  // F×h if weighted_, else empty
-  RowMatrix values_;   // h×k if weighted_, else F×k
+  bool keeps_weights_;
+  RowMatrix weights_;  // F×h if keeps_weights_, else empty
+  RowMatrix values_;   // h×k if keeps_weights_, else F×k
 };
 
 }  // namespace dd

@@ -13,19 +13,23 @@ namespace dd {
 
 namespace {
 
-constexpr int kTerms = 3 + 3 + 12 + 12 + 3 + 1;  // columns of terms_, in their order
+constexpr int kTermCount = 3 + 3 + 12 + 12 + 3 + 1;  // columns of handle_terms_
 // Lower bound of a handle's radius, so that one of a single vertex has one: a fraction of √(area of
 // S), which unlike the diagonal of the bounding box is invariant under rotation.
-constexpr double kLeastRadius = 0.015;
-// kQuarterTurn: from here on R is the gauge, well below 180°, where the sign of a quaternion
-// becomes ambiguous. kLinearUntil: 135°, to which the linear base, refined, stretches the survey's
-// bar and cylinder less than the blend; from there to 180° the two are mixed.
-constexpr double kQuarterTurn = kPi / 2, kLinearUntil = 0.75 * kPi;
+constexpr double kMinHandleRadius = 0.015;
+// Angle of a handle from which on R is the gauge: well below 180°, where the sign of a quaternion
+// becomes ambiguous.
+constexpr double kGaugeFrom = kPi / 2;
+// Largest angle up to which the base is the linear one: 135°, to which that, refined, stretches the
+// survey's bar and cylinder less than the blend. From there to 180° the two are mixed.
+constexpr double kLinearUntil = 0.75 * kPi;
 // Fraction of the refinement that is applied: 1 to kLinearUntil, kRefinedAtHalfTurn at 180°, 0 from
-// kUnrefined (630°) on, linear in between. More would pinch the inside of a bend and make a twist
-// thin.
-constexpr double kUnrefined = 3.5 * kPi;
+// kRefinedUntil (630°) on, linear in between. More would pinch the inside of a bend and make a
+// twist thin.
+constexpr double kRefinedUntil = 3.5 * kPi;
 constexpr double kRefinedAtHalfTurn = 0.7;
+// Sum of harmonic weights below which a point has no centre to turn about: no handle reaches it.
+constexpr double kMinWeightSum = 1e-12;
 
 /// The largest distance between any two points.
 double diameter(const std::vector<Eigen::Vector3d>& points) {
@@ -46,13 +50,12 @@ double diameter(const std::vector<Eigen::Vector3d>& points) {
 }
 
 /// s_h = cos²(angle/2): the fraction of a handle's linear displacement that is kept.
-double linear_share(double angle) { return angle < kPi ? 0.5 * (1 + std::cos(angle)) : 0; }
+double kept_fraction(double angle) { return angle < kPi ? 0.5 * (1 + std::cos(angle)) : 0; }
 
 /// A handle's factor of λ: 1 while its centre moves perpendicular to its axis by less than 2 radii,
 /// 0 from 4 radii on. turn: its rotation vector. shift: displacement of its centre. Below 45° the
 /// effect fades with the angle: for small rotations E and P agree.
-double share_about_centre(const Eigen::Vector3d& turn, const Eigen::Vector3d& shift,
-                          double radius) {
+double twist_fraction_of(const Eigen::Vector3d& turn, const Eigen::Vector3d& shift, double radius) {
   const double angle = turn.norm();
   if (angle == 0) return 1;
   const double sideways = (shift - turn * (turn.dot(shift) / (angle * angle))).norm();
@@ -74,7 +77,7 @@ Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
 
 MotionBlend::MotionBlend(const BoundSurface& bound)
     : bound_(bound),
-      terms_(RowMatrix::Zero(bound.region.handle_count, kTerms)),
+      handle_terms_(RowMatrix::Zero(bound.region.handle_count, kTermCount)),
       coefficients_(RowMatrix::Zero(4 * bound.region.handle_count, 4)) {
   const Region& region = bound.region;
   std::vector<double> squares(size_t(region.handle_count), 0.0);
@@ -84,10 +87,11 @@ MotionBlend::MotionBlend(const BoundSurface& bound)
     squares[h] += (bound.mesh.positions.row(v) - bound.coordinates.centres().row(h)).squaredNorm();
     ++counts[h];
   }
-  const double least =
-      kLeastRadius * std::sqrt(triangle_areas(bound.mesh.positions, bound.mesh.triangles).sum());
+  const double min_radius =
+      kMinHandleRadius *
+      std::sqrt(triangle_areas(bound.mesh.positions, bound.mesh.triangles).sum());
   for (size_t h = 0; h < squares.size(); ++h)
-    radii_.push_back(std::max(least, std::sqrt(squares[h] / counts[h])));
+    radii_.push_back(std::max(min_radius, std::sqrt(squares[h] / counts[h])));
 }
 
 HarmonicBlend& MotionBlend::harmonic() {
@@ -95,14 +99,14 @@ HarmonicBlend& MotionBlend::harmonic() {
   return *harmonic_;
 }
 
-void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<double>& turns) {
+void MotionBlend::set_pose(const std::vector<Affine>& motions, const std::vector<double>& turns) {
   const bool fixed = bound_.order().count() > bound_.order().fixed_begin;
-  const auto said = [&](size_t h) -> Eigen::Vector3d {
+  const auto given_turn = [&](size_t h) -> Eigen::Vector3d {
     if (turns.empty()) return Eigen::Vector3d::Zero();
     return Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * h);
   };
   for (size_t h = 0; h < motions.size(); ++h)
-    if (!said(h).allFinite())
+    if (!given_turn(h).allFinite())
       throw Error(Status::argument, {Subject::handle, Index(h)}, "has a turn that is not finite",
                   Remedy::call);
 
@@ -113,61 +117,61 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
   reference_shift_.setZero();
   reference_.setIdentity();
   if (!fixed && !motions.empty()) {
-    reference_turn = said(0);
+    reference_turn = given_turn(0);
     reference_ = rotation_or(motions[0].leftCols<3>(), reference_turn);
     reference_shift_ =
         motions[0].leftCols<3>() * centre(0) + motions[0].col(3) - reference_ * centre(0);
   }
-  rotations_found_ = false;
-  largest_ = 0;
-  about_centres_ = 1;
+  rotations_blended_ = false;
+  largest_angle_ = 0;
+  twist_fraction_ = 1;
   std::vector<Eigen::Vector3d> angles;
   if (fixed) angles.push_back(Eigen::Vector3d::Zero());
   for (size_t h = 0; h < motions.size(); ++h) {
     const Eigen::Matrix3d A = reference_.transpose() * motions[h].leftCols<3>();
     const Eigen::Vector3d shift = reference_.transpose() * (motions[h].col(3) - reference_shift_);
-    const Eigen::Vector3d turn = reference_.transpose() * (said(h) - reference_turn);
+    const Eigen::Vector3d turn = reference_.transpose() * (given_turn(h) - reference_turn);
     const Eigen::Vector3d rest = rotation_vector(rotation_by(-turn) * rotation_or(A, turn));
     angles.push_back(turn + rest);
-    largest_ = std::max(largest_, turn.norm() + rest.norm() + reference_turn.norm());
-    const double keep = linear_share(angles.back().norm());
+    largest_angle_ = std::max(largest_angle_, turn.norm() + rest.norm() + reference_turn.norm());
+    const double kept = kept_fraction(angles.back().norm());
     Affine change;
     change << A - Eigen::Matrix3d::Identity(), shift;
-    auto row = terms_.row(Index(h));
+    auto row = handle_terms_.row(Index(h));
     row.segment<3>(0) = turn.transpose();
     row.segment<3>(3) = rest.transpose();
     for (int k = 0; k < 3; ++k) {
-      row.segment<4>(6 + 4 * k) = keep * change.row(k);
+      row.segment<4>(6 + 4 * k) = kept * change.row(k);
       row.segment<4>(18 + 4 * k) = change.row(k);
     }
     const Eigen::Vector3d moved = change.leftCols<3>() * centre(h) + change.col(3);
     row.segment<3>(30) = centre(h).transpose();
     row[33] = 1;
-    about_centres_ *= share_about_centre(angles.back(), moved, radii_[h]);
+    twist_fraction_ *= twist_fraction_of(angles.back(), moved, radii_[h]);
     auto block = coefficients_.middleRows<4>(4 * Index(h));
-    block.topLeftCorner<3, 3>() = keep * change.leftCols<3>().transpose();
-    block.bottomLeftCorner<1, 3>() = keep * moved.transpose();
+    block.topLeftCorner<3, 3>() = kept * change.leftCols<3>().transpose();
+    block.bottomLeftCorner<1, 3>() = kept * moved.transpose();
   }
-  farthest_ = diameter(angles);
+  largest_relative_angle_ = diameter(angles);
 }
 
-double MotionBlend::share(BaseDeformer deformer) const {
+double MotionBlend::blend_fraction(BaseDeformer deformer) const {
   if (deformer == BaseDeformer::motions) return 1;
   if (deformer == BaseDeformer::linear) return 0;
-  return std::clamp((farthest_ - kLinearUntil) / (kPi - kLinearUntil), 0.0, 1.0);
+  return std::clamp((largest_relative_angle_ - kLinearUntil) / (kPi - kLinearUntil), 0.0, 1.0);
 }
 
-void MotionBlend::find_rotations() {
-  if (rotations_found_) return;
+void MotionBlend::blend_rotations() {
+  if (rotations_blended_) return;
   const RowOrder& order = bound_.order();
   HarmonicBlend& harmonic = this->harmonic();
-  harmonic.take(terms_.leftCols<6>());
+  harmonic.set_values(handle_terms_.leftCols<6>());
   const Eigen::Quaterniond first(reference_);
   if (rotations_.rows() == 0) {
     rotations_ = Rows::Zero(order.count(), 4);
     rotations_.col(3).setOnes();
   }
-  const auto put = [&](int64_t row, const double* term) {
+  const auto set_rotation = [&](int64_t row, const double* term) {
     const Eigen::Quaterniond q = first * quaternion_by(Eigen::Map<const Eigen::Vector3d>(term)) *
                                  quaternion_by(Eigen::Map<const Eigen::Vector3d>(term + 3));
     rotations_.row(row) = q.coeffs().transpose();
@@ -176,76 +180,79 @@ void MotionBlend::find_rotations() {
                                       [&](int64_t begin, int64_t end) {
                                         const RowMatrix blended = harmonic.rows(begin, end);
                                         for (int64_t r = begin; r < end; ++r)
-                                          put(r, blended.row(r - begin).data());
+                                          set_rotation(r, blended.row(r - begin).data());
                                       });
   for (int r = order.free_count; r < order.fixed_begin; ++r)
-    put(r, terms_.row(bound_.region.role[order.vertex_of_row[r]]).data());
-  rotations_found_ = true;
+    set_rotation(r, handle_terms_.row(bound_.region.role[order.vertex_of_row[r]]).data());
+  rotations_blended_ = true;
 }
 
-void MotionBlend::move(const Rows& displacement, double share, Rows& base) {
-  find_rotations();
-  if (!of_base_) of_base_ = std::make_unique<TurnedFlux>(bound_, bound_.base, rotations_);
+void MotionBlend::blend_into(const Rows& displacement, double fraction, Rows& base) {
+  blend_rotations();
+  if (!of_base_) of_base_ = std::make_unique<RotatedFlux>(bound_, bound_.base, rotations_);
   solved_ = displacement;
   bound_.poisson->solve(
       of_base_->at_rest(), [&](int section, double* rows) { of_base_->add(section, rows); },
       solved_);
   HarmonicBlend& harmonic = this->harmonic();
-  harmonic.take(terms_.rightCols<28>());
-  kept_.setZero(bound_.order().free_count, 4);
-  bound_.extension.displace(coefficients_, kept_, kept_);  // Σ s W C
+  harmonic.set_values(handle_terms_.rightCols<28>());
+  kept_displacement_.setZero(bound_.order().free_count, 4);
+  bound_.extension.displace(coefficients_, kept_displacement_, kept_displacement_);  // Σ s W C
   const Eigen::Quaterniond first(reference_);
-  bound_.poisson->pool().parallel_for(kept_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-    const RowMatrix terms = harmonic.rows(begin, end);
-    for (int64_t i = 0; i < end - begin; ++i) {
-      const double* term = terms.row(i).data();
-      const auto changed = [&](int k, const Eigen::Vector3d& x) -> Eigen::Vector3d {
-        const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> change(term + k);
-        return change.leftCols<3>() * x + change.col(3);
-      };
-      const Eigen::Vector3d rest = bound_.rest_base.row(begin + i).head<3>();
-      // Σ s W C − Σ s a (M q − q).
-      const Eigen::Vector3d left =
-          Eigen::Vector3d(kept_.row(begin + i).head<3>()) - changed(0, rest);
-      Eigen::Vector3d turned = rest + Eigen::Vector3d(solved_.row(begin + i).head<3>());
-      if (about_centres_ > 0) {
-        Eigen::Vector3d about = rest;  // if the harmonic weights vanish
-        if (term[27] > 1e-12) {
-          const Eigen::Vector3d centre = Eigen::Map<const Eigen::Vector3d>(term + 24) / term[27];
-          about = centre + changed(12, centre) +
-                  first.conjugate() * (quaternion(rotations_, begin + i) * (rest - centre));
+  bound_.poisson->pool().parallel_for(
+      kept_displacement_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+        const RowMatrix terms = harmonic.rows(begin, end);
+        for (int64_t i = 0; i < end - begin; ++i) {
+          const double* term = terms.row(i).data();
+          const auto displaced_by = [&](int k, const Eigen::Vector3d& x) -> Eigen::Vector3d {
+            const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> change(term + k);
+            return change.leftCols<3>() * x + change.col(3);
+          };
+          const Eigen::Vector3d rest = bound_.rest_base.row(begin + i).head<3>();
+          // Σ s W C − Σ s a (M q − q).
+          const Eigen::Vector3d linear_remainder =
+              Eigen::Vector3d(kept_displacement_.row(begin + i).head<3>()) - displaced_by(0, rest);
+          Eigen::Vector3d blended = rest + Eigen::Vector3d(solved_.row(begin + i).head<3>());
+          if (twist_fraction_ > 0) {
+            Eigen::Vector3d twisted = rest;  // if the harmonic weights vanish
+            if (term[27] > kMinWeightSum) {
+              const Eigen::Vector3d centre =
+                  Eigen::Map<const Eigen::Vector3d>(term + 24) / term[27];
+              twisted = centre + displaced_by(12, centre) +
+                        first.conjugate() * (quaternion(rotations_, begin + i) * (rest - centre));
+            }
+            blended += twist_fraction_ * (reference_ * twisted + reference_shift_ - blended);
+          }
+          auto row = base.row(begin + i).head<3>();
+          row += fraction * ((blended + reference_ * linear_remainder).transpose() - row);
         }
-        turned += about_centres_ * (reference_ * about + reference_shift_ - turned);
-      }
-      auto row = base.row(begin + i).head<3>();
-      row += share * ((turned + reference_ * left).transpose() - row);
-    }
-  });
+      });
 }
 
 Turning MotionBlend::turning(BaseDeformer deformer) {
   Turning result;
-  result.known_share = share(deformer) * (1 - about_centres_);
-  if (largest_ <= kQuarterTurn && result.known_share == 0) return result;
-  find_rotations();
-  if (largest_ > kQuarterTurn) result.gauge = &rotations_;
-  if (result.known_share > 0) {
+  result.prescribed_weight = blend_fraction(deformer) * (1 - twist_fraction_);
+  if (largest_angle_ <= kGaugeFrom && result.prescribed_weight == 0) return result;
+  blend_rotations();
+  if (largest_angle_ > kGaugeFrom) result.gauge = &rotations_;
+  if (result.prescribed_weight > 0) {
     if (!of_surface_)
-      of_surface_ = std::make_unique<TurnedFlux>(bound_, bound_.mesh.positions, rotations_);
-    result.known = of_surface_.get();
-    result.known_rotations = &rotations_;
+      of_surface_ = std::make_unique<RotatedFlux>(bound_, bound_.mesh.positions, rotations_);
+    result.prescribed = of_surface_.get();
+    result.prescribed_rotations = &rotations_;
   }
-  const auto falls = [&](double begin, double end) {
-    return std::clamp((end - farthest_) / (end - begin), 0.0, 1.0);
+  const auto ramp_down = [&](double begin, double end) {
+    return std::clamp((end - largest_relative_angle_) / (end - begin), 0.0, 1.0);
   };
-  result.share = farthest_ < kPi ? 1 - (1 - kRefinedAtHalfTurn) * (1 - falls(kLinearUntil, kPi))
-                                 : kRefinedAtHalfTurn * falls(kPi, kUnrefined);
+  result.refinement_weight = largest_relative_angle_ < kPi
+                                 ? 1 - (1 - kRefinedAtHalfTurn) * (1 - ramp_down(kLinearUntil, kPi))
+                                 : kRefinedAtHalfTurn * ramp_down(kPi, kRefinedUntil);
   return result;
 }
 
 double MotionBlend::bytes() const {
-  const auto doubles =
-      kept_.size() + terms_.size() + coefficients_.size() + solved_.size() + rotations_.size();
+  const auto doubles = kept_displacement_.size() + handle_terms_.size() + coefficients_.size() +
+                       solved_.size() + rotations_.size();
   return static_cast<double>(doubles) * sizeof(double) + (harmonic_ ? harmonic_->bytes() : 0) +
          (of_base_ ? of_base_->bytes() : 0) + (of_surface_ ? of_surface_->bytes() : 0);
 }

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/harmonic_blend.h"
-#include "reconstruction/turned_flux.h"
+#include "reconstruction/rotated_flux.h"
 #include "reconstruction/turning.h"
 
 namespace dd {
@@ -26,20 +26,22 @@ enum class BaseDeformer {
 ///   P: L P = div(R ∇q), with the handles' vertices at their deformed positions
 ///   E = c + R (q − c) + Σ a_h (M_h c − c)
 ///
-/// a_h: harmonic weight. t_h: rotation vector that the caller gives for the handle, including whole
-/// turns; r_h: the shortest rotation vector from there to the handle's actual rotation. c: the
-/// weighted mean of the handles' centres. M_h: the handle's motion; W_h C_h: its displacement by
-/// the linear base, of which the fraction s_h = cos²(θ_h/2) is kept, θ_h the handle's angle, 0 from
-/// 180° on. So a handle that doesn't turn moves the base as the linear one does.
+/// q: a point of B. a_h: harmonic weight of handle h there. M_h: the handle's motion. t_h: rotation
+/// vector that the caller gives for the handle, including whole turns; r_h: the shortest rotation
+/// vector from there to the handle's actual rotation. c: the mean of the handles' centres, weighted
+/// by a_h. The last sum is what the linear base adds to the handles' motions blended by a_h, in so
+/// far as handles don't turn: W_h C_h is the displacement by the linear base, of which the fraction
+/// s_h = cos²(θ_h/2) is kept, θ_h the handle's angle, none from 180° on. So a handle that doesn't
+/// turn moves the base as the linear one does.
 ///
 /// P bends a limb along an arc, but a twist thins it, because R lacks the shear of a twist. E keeps
 /// a twisted limb's cross-sections, but doesn't bend along an arc. λ falls from 1 to 0 as the
 /// centre of a turning handle moves perpendicular to its axis by 2 to 4 times the handle's RMS
 /// radius.
 ///
-/// If no vertex is fixed, all motions are relative to that of the first handle, R_0 its rotation,
-/// so a rigid motion of all handles moves the result alike. A rigid motion of all constrained
-/// vertices is reproduced exactly.
+/// R_0 is the identity if vertices are fixed. Else it is the rotation of the first handle, and all
+/// motions above are relative to that handle's, so a rigid motion of all handles moves the result
+/// alike. A rigid motion of all constrained vertices is reproduced exactly.
 class MotionBlend {
  public:
   explicit MotionBlend(const BoundSurface& bound);
@@ -48,18 +50,20 @@ class MotionBlend {
   /// turns: t_h, three numbers for each handle; empty: all zero. Throws Error(argument) if one is
   /// not finite.
   using Affine = Eigen::Matrix<double, 3, 4>;
-  void take(const std::vector<Affine>& motions, const std::vector<double>& turns);
+  void set_pose(const std::vector<Affine>& motions, const std::vector<double>& turns);
 
   /// The fraction of the blend in the base, in [0, 1]; the rest is the linear base.
-  double share(BaseDeformer deformer) const;
+  double blend_fraction(BaseDeformer deformer) const;
 
-  /// Moves the free rows of base from the linear base towards the blend by the fraction share.
+  /// Moves the free rows of base from the linear base towards the blend by the given fraction.
   /// displacement: all rows; only those of handles are read.
-  void move(const Rows& displacement, double share, Rows& base);
+  void blend_into(const Rows& displacement, double fraction, Rows& base);
 
-  /// How the surface is to use R: as gauge if a handle turns by more than 90°, and for λ < 1 as
-  /// known rotations in place of the gradients of B'. P of a long tube is too thin in the middle
-  /// for its gradients to show how it bends.
+  /// How the reconstruction of the surface uses R. If a handle turns by more than 90°, R is the
+  /// gauge of its rotations: it tells those apart that differ by whole turns. For λ < 1 R also
+  /// replaces the rotations of the gradients of B', as P of a long tube is too thin in the middle
+  /// for its gradients to show how it bends. The refinement's weight falls where handles turn by
+  /// more than 135°.
   Turning turning(BaseDeformer deformer);
 
   double bytes() const;
@@ -67,25 +71,27 @@ class MotionBlend {
  private:
   /// Computed on first use, as most poses don't need it.
   HarmonicBlend& harmonic();
-  void find_rotations();
+  void blend_rotations();
 
   const BoundSurface& bound_;
   std::vector<double> radii_;  // of each handle: RMS distance of its vertices from its centre
   std::unique_ptr<HarmonicBlend> harmonic_;
-  std::unique_ptr<TurnedFlux> of_base_, of_surface_;
-  Rows solved_, kept_;
+  std::unique_ptr<RotatedFlux> of_base_, of_surface_;
+  Rows solved_, kept_displacement_;
   // The current pose.
   Eigen::Matrix3d reference_ = Eigen::Matrix3d::Identity();  // R_0, and its translation:
   Eigen::Vector3d reference_shift_ = Eigen::Vector3d::Zero();
-  /// A row for each handle, interpolated by the harmonic weights: t, r, s (M − 1), M − 1 (3×4
-  /// row-major each), centre, 1.
-  RowMatrix terms_;
-  double about_centres_ = 1;  // λ
-  RowMatrix coefficients_;    // s C, for HandleExtension::displace()
-  double farthest_ = 0;       // largest angle between two handles, or a handle and fixed parts
-  double largest_ = 0;        // largest |t| + |r| of a handle, plus the reference's |t|
+  /// What is interpolated by the harmonic weights, a row for each handle: t, r, s (M − 1), M − 1,
+  /// the centre and 1, where M is relative to the reference and M − 1 is a 3×4 matrix, row by row.
+  /// The interpolated 1 is the sum of the weights, by which the centre is divided.
+  RowMatrix handle_terms_;
+  double twist_fraction_ = 1;  // λ
+  RowMatrix coefficients_;     // s C, for HandleExtension::displace()
+  /// The largest angle between two handles, or a handle and fixed parts.
+  double largest_relative_angle_ = 0;
+  double largest_angle_ = 0;  // largest |t| + |r| of a handle, plus the reference's |t|
   Rows rotations_;            // R as quaternions, all rows
-  bool rotations_found_ = false;
+  bool rotations_blended_ = false;
 };
 
 }  // namespace dd

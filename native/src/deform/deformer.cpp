@@ -16,7 +16,7 @@ namespace {
 
 // Largest distance of a free handle's pivot from its centre, in diagonals of the box. Safety: about
 // a farther point the smallest rotation that the surface asks for swings the handle away.
-constexpr double kFarthestPivot = 1e4;
+constexpr double kMaxPivotDistance = 1e4;
 
 void validate_example(const Positions& example, int number, const Mesh& mesh) {
   const Subject subject{Subject::example, number};
@@ -25,7 +25,7 @@ void validate_example(const Positions& example, int number, const Mesh& mesh) {
                 "has " + std::to_string(example.rows()) + " vertices, the mesh " +
                     std::to_string(mesh.vertex_count()),
                 Remedy::same_vertices);
-  if (std::vector<int> lost = unusable_places(example); !lost.empty()) {
+  if (std::vector<int> lost = vertices_with_bad_coordinates(example); !lost.empty()) {
     const std::string first = std::to_string(lost.front());
     throw Error(Status::argument, subject,
                 "has a coordinate, of vertex " + first +
@@ -41,21 +41,24 @@ Mesh validated(Mesh mesh) {
 
 }  // namespace
 
+BindOptions without_surfaces(const BindOptions& options) {
+  BindOptions result;
+  result.base_metric = options.base_metric;
+  result.metric_smoothing = options.metric_smoothing;
+  result.smoothness = options.smoothness;
+  result.triangulation = options.triangulation;
+  result.precision = options.precision;
+  result.threads = options.threads;
+  return result;
+}
+
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
     : pool_(options.threads),
-      bind_options_{options.base_metric,
-                    options.metric_smoothing,
-                    options.smoothness,
-                    options.triangulation,
-                    {},
-                    {},
-                    options.precision,
-                    options.threads,
-                    {}},
+      bind_options_(without_surfaces(options)),
       mesh_(validated(std::move(mesh))),
-      region_(split_region(mesh_, roles, handle_count,
-                           options.base.size() ? MovedBy::base : MovedBy::handles)) {
+      region_(make_region(mesh_, roles, handle_count,
+                          options.base.size() ? MovedBy::base : MovedBy::handles)) {
   report(progress, 0.02, Stage::operators);
   box_ = UnitBox(mesh_.positions);
   BindOptions in_unit = options;
@@ -117,16 +120,16 @@ void Deformer::update_to(float* out, Index stride, bool positions, const double*
 }
 
 void Deformer::require_floats() {
-  // Half of the range, so that the sum with a position, which is at most kFarthest, stays within
-  // it.
-  constexpr double kLargest = 0.5 * std::numeric_limits<float>::max();
+  // Half of the range, so that the sum with a position, which is at most kMaxCoordinate, stays
+  // within it.
+  constexpr double kMaxFloat = 0.5 * std::numeric_limits<float>::max();
   std::atomic<bool> fits{true};
   pool_.parallel_for(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     const auto rows = moved_.middleRows(begin, end - begin);
     // The sum of absolute values bounds each of them and is NaN if one is. Only where it is too
     // large each value is tested.
-    if (box_.scale * rows.cwiseAbs().sum() < kLargest) return;
-    if (!(box_.scale * rows.leftCols<3>().array().abs() < kLargest).all()) fits = false;
+    if (box_.scale * rows.cwiseAbs().sum() < kMaxFloat) return;
+    if (!(box_.scale * rows.leftCols<3>().array().abs() < kMaxFloat).all()) fits = false;
   });
   if (fits) return;
   if (outside_base() || region_.handle_count == 0) throw leaves_single_precision();
@@ -150,7 +153,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   take_matrices(matrices);
   if (outside_base()) take_base(deformed_base);
   std::vector<double> turns = options.turns;
-  turn_free(options, turns);
+  rotate_free_handles(options, turns);
   const RowOrder& order = bound_->order();
   for (int r = order.free_count; r < order.fixed_begin; ++r) {
     const int h = region_.role[order.vertex_of_row[r]];
@@ -169,7 +172,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   Method& method = this->method(options.method, options.of_method.progress);
   Turning turning;
   if (!motions)
-    turning.unknown = true;
+    turning.propagate_signs = true;
   else if (options.method == MethodKind::detail && options.of_method.rotation_only)
     turning = motions->turning(options.base_deformer);
   method.update({coefficients_, linear_, base_, turning, options.free, moved_}, options.of_method);
@@ -189,14 +192,14 @@ std::vector<MotionBlend::Affine> Deformer::motions() const {
   return motions;
 }
 
-void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turns) {
+void Deformer::rotate_free_handles(const UpdateOptions& options, std::vector<double>& turns) {
   const std::vector<char>& free = options.free;
   if (std::find(free.begin(), free.end(), 1) == free.end()) return;
   const Positions pivots =
       options.pivots.size() ? box_.into(options.pivots) : bound_->coordinates.centres();
   for (int h = 0; h < region_.handle_count; ++h)
     if (free[h] &&
-        !((pivots.row(h) - bound_->coordinates.centres().row(h)).norm() < kFarthestPivot))
+        !((pivots.row(h) - bound_->coordinates.centres().row(h)).norm() < kMaxPivotDistance))
       throw Error(Status::argument, {Subject::handle, h},
                   "has a pivot too far from its vertices to turn about: put it among them",
                   Remedy::call);
@@ -210,7 +213,7 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
       motions[h].leftCols<3>().setIdentity();
     }
   } else {
-    find_turns(free, pivots, motions, turns);
+    find_free_rotations(free, pivots, motions, turns);
   }
   for (int h = 0; h < region_.handle_count; ++h) {
     if (!free[h]) continue;
@@ -222,8 +225,9 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
   }
 }
 
-void Deformer::find_turns(const std::vector<char>& free, const Positions& pivots,
-                          std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns) {
+void Deformer::find_free_rotations(const std::vector<char>& free, const Positions& pivots,
+                                   std::vector<MotionBlend::Affine>& motions,
+                                   std::vector<double>& turns) {
   if (!free_turns_ || free_turns_->free() != free)
     free_turns_ = std::make_unique<FreeTurns>(*bound_, free);
   if (outside_base())
@@ -232,11 +236,12 @@ void Deformer::find_turns(const std::vector<char>& free, const Positions& pivots
     free_turns_->find(motions, pivots, turns);
 }
 
-std::vector<double> Deformer::turned(const double* matrices, const UpdateOptions& options,
-                                     std::vector<double>& turns) {
+std::vector<double> Deformer::completed_matrices(const double* matrices,
+                                                 const UpdateOptions& options,
+                                                 std::vector<double>& turns) {
   take_matrices(matrices);
   turns = options.turns;
-  turn_free(options, turns);
+  rotate_free_handles(options, turns);
   std::vector<double> result(matrices, matrices + 12 * Index(region_.handle_count));
   const std::vector<MotionBlend::Affine> motions = this->motions();
   for (size_t h = 0; h < options.free.size(); ++h) {
@@ -252,7 +257,7 @@ std::vector<double> Deformer::turned(const double* matrices, const UpdateOptions
 MotionBlend& Deformer::blend(BaseDeformer deformer, const std::vector<double>& turns) {
   if (!motions_) motions_ = std::make_unique<MotionBlend>(*bound_);
   // The linear base ignores whole turns.
-  motions_->take(motions(), deformer == BaseDeformer::linear ? std::vector<double>{} : turns);
+  motions_->set_pose(motions(), deformer == BaseDeformer::linear ? std::vector<double>{} : turns);
   return *motions_;
 }
 
@@ -272,8 +277,8 @@ void Deformer::take_base(const Positions* deformed) {
 void Deformer::move_base(MotionBlend& motions, BaseDeformer deformer) {
   const RowOrder& order = bound_->order();
   bound_->extension.displace(coefficients_, bound_->rest_base, base_);
-  const double share = motions.share(deformer);
-  if (share > 0) motions.move(moved_, share, base_);
+  const double fraction = motions.blend_fraction(deformer);
+  if (fraction > 0) motions.blend_into(moved_, fraction, base_);
   const int held = order.fixed_begin - order.free_count;
   base_.middleRows(order.free_count, held) = bound_->rest_base.middleRows(order.free_count, held) +
                                              moved_.middleRows(order.free_count, held);
@@ -315,15 +320,15 @@ void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
                 Remedy::move_less);
 }
 
-Positions Deformer::place_in_mesh(const Rows& rows) const {
+Positions Deformer::positions_in_mesh(const Rows& rows) const {
   Positions positions(rows.rows(), 3);
   scale_to_mesh(rows, positions);
   return positions.rowwise() + box_.centre;
 }
 
-Positions Deformer::base() const { return place_in_mesh(bound_->rest_base); }
+Positions Deformer::base() const { return positions_in_mesh(bound_->rest_base); }
 
-Positions Deformer::deformed_base() const { return place_in_mesh(base_); }
+Positions Deformer::deformed_base() const { return positions_in_mesh(base_); }
 
 MethodFindings Deformer::findings(MethodKind kind) const {
   const std::unique_ptr<Method>& made = methods_[static_cast<size_t>(kind)];

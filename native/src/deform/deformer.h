@@ -38,11 +38,14 @@ struct UpdateOptions {
   Output output = Output::result;
 };
 
+/// The options of a bind without base and examples, which fit one surface only and are large.
+BindOptions without_surfaces(const BindOptions& options);
+
 /// A surface bound to its handles: its systems are factored once, at construction, and updates use
 /// the factors.
 class Deformer {
  public:
-  /// mesh and roles as for validate() and split_region(). Throws Error.
+  /// mesh and roles as for validate() and make_region(). Throws Error.
   Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count, const BindOptions& options,
            const Progress& progress = {});
   ~Deformer();
@@ -66,8 +69,8 @@ class Deformer {
 
   /// The matrices of an update, 12 numbers a handle, with the rotations that are found for free
   /// handles. turns: receives those of the options, likewise completed; empty if they are.
-  std::vector<double> turned(const double* matrices, const UpdateOptions& options,
-                             std::vector<double>& turns);
+  std::vector<double> completed_matrices(const double* matrices, const UpdateOptions& options,
+                                         std::vector<double>& turns);
 
   const Mesh& mesh() const { return mesh_; }
   /// The options of the bind, without base and examples, which fit this surface only.
@@ -94,10 +97,10 @@ class Deformer {
   void move(const double* matrices, const UpdateOptions& options, const Positions* deformed_base);
   void take_matrices(const double* matrices);
   /// Finds the rotations of free handles and sets their motions and turns.
-  void turn_free(const UpdateOptions& options, std::vector<double>& turns);
+  void rotate_free_handles(const UpdateOptions& options, std::vector<double>& turns);
   /// The same for motions in the unit box.
-  void find_turns(const std::vector<char>& free, const Positions& pivots,
-                  std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns);
+  void find_free_rotations(const std::vector<char>& free, const Positions& pivots,
+                           std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns);
   /// The motions of the handles' matrices, in the unit box.
   std::vector<MotionBlend::Affine> motions() const;
   void move_base(MotionBlend& motions, BaseDeformer deformer);
@@ -113,7 +116,7 @@ class Deformer {
   /// Converts rows in BoundSurface::order(), in the unit box, to n×3 vectors or positions in the
   /// mesh's units.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
-  Positions place_in_mesh(const Rows& rows) const;
+  Positions positions_in_mesh(const Rows& rows) const;
 
   ThreadPool pool_;
   BindOptions bind_options_;

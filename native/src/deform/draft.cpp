@@ -16,10 +16,10 @@ namespace {
 
 // Spacing of the coarse mesh's vertices as a fraction of √(deforming area). Derived: leaves some
 // 1 / 0.01² = 10,000 vertices, however many the mesh has.
-constexpr double kSpacing = 0.01;
+constexpr double kSpacingOfSize = 0.01;
 // Largest fraction of the free vertices that may be left. Break-even: with more, the draft saves
 // too little.
-constexpr double kMostLeft = 0.25;
+constexpr double kMaxDraftFraction = 0.25;
 
 /// The faces within so many rings of the free vertices.
 std::vector<int> faces_around(const Mesh& mesh, const Region& region, int rings) {
@@ -60,7 +60,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   if (options.base.size() > 0) return nullptr;
   validate(mesh);
   std::unique_ptr<Draft> draft(
-      new Draft(mesh, split_region(mesh, roles, handle_count), options.threads));
+      new Draft(mesh, make_region(mesh, roles, handle_count), options.threads));
   const Region& region = draft->region_;
   // K couples free vertices with as many rings as its order; refinement takes the handles'
   // rotations from the second one.
@@ -68,10 +68,10 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   const std::vector<int> faces = faces_around(mesh, region, rings);
   const Mesh part{draft->box_.into(mesh.positions), mesh.triangles(faces, kAllIndices)};
   const double size = std::sqrt(triangle_areas(part.positions, part.triangles).sum());
-  CoarseMesh coarse(part, region, kSpacing * size);
-  if (coarse.free_count > kMostLeft * region.free_count()) return nullptr;
+  CoarseMesh coarse(part, region, kSpacingOfSize * size);
+  if (coarse.free_count > kMaxDraftFraction * region.free_count()) return nullptr;
 
-  const Fans fans(coarse.mesh.triangles, coarse.mesh.vertex_count());
+  const VertexTriangles fans(coarse.mesh.triangles, coarse.mesh.vertex_count());
   std::vector<PointOnTriangle> nearest;
   nearest.reserve(region.free.size());
   const AabbTree tree(coarse.mesh);  // where all triangles nearby lack area
@@ -90,11 +90,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   std::vector<int> coarse_roles;
   coarse_roles.reserve(vertices.size());
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
-  BindOptions how;  // without the examples, which are large
-  how.base_metric = options.base_metric;
-  how.smoothness = options.smoothness;
-  how.triangulation = options.triangulation;
-  how.precision = options.precision;
+  BindOptions how = without_surfaces(options);
   how.threads = 1;  // the bind uses the other threads
   how.metric_smoothing =
       options.metric_smoothing * mean_edge_length(mesh.positions, mesh.triangles) /
@@ -125,7 +121,7 @@ const Positions& Draft::update(const double* matrices, UpdateOptions options) {
   });
   // Free handles have the rotations found on the coarse mesh.
   std::vector<double> turns;
-  const std::vector<double> moved = coarse_->turned(matrices, options, turns);
+  const std::vector<double> moved = coarse_->completed_matrices(matrices, options, turns);
   for (int v : region_.handle_vertices) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
         moved.data() + 12 * size_t(region_.role[v]));

@@ -20,7 +20,7 @@ namespace {
 
 // Largest deviation of the sum of barycentric weights from 1, and of a weight below 0, in points
 // that are given.
-constexpr double kWeightsAddUp = 1e-3;
+constexpr double kWeightTolerance = 1e-3;
 
 Mesh validated(Mesh mesh, MeshOf which) {
   validate(mesh, which);
@@ -61,8 +61,8 @@ void check_points(const std::vector<PointOnTriangle>& points, const Mesh& source
                   "has its point in triangle " + std::to_string(point.triangle) +
                       ", and the source has " + std::to_string(source.triangle_count()),
                   Remedy::call);
-    if (point.triangle >= 0 && !(std::abs(point.weights.sum() - 1) <= kWeightsAddUp &&
-                                 point.weights.minCoeff() >= -kWeightsAddUp))
+    if (point.triangle >= 0 && !(std::abs(point.barycentric.sum() - 1) <= kWeightTolerance &&
+                                 point.barycentric.minCoeff() >= -kWeightTolerance))
       throw Error(Status::argument, {Subject::target_vertex, Index(v)},
                   "has a point whose weights are negative or don't add up to 1", Remedy::call);
   }
@@ -82,14 +82,14 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
     const int first = correspondence.begin[j], end = correspondence.begin[j + 1];
     for (int k = first; k < end; ++k) {
       const int i = correspondence.source[k];
-      from.places.row(k) = triangle_centre(source.positions, source.triangles, i);
+      from.positions.row(k) = triangle_centre(source.positions, source.triangles, i);
       from.normals.row(k) = of_source.row(i);
-      to.places.row(k) = triangle_centre(target.positions, target.triangles, j);
+      to.positions.row(k) = triangle_centre(target.positions, target.triangles, j);
       to.normals.row(k) = of_target.row(j);
       weights[k] = areas[j] / (end - first);
     }
   }
-  return fitted_stance(from, to, weights);
+  return fitted_placement(from, to, weights);
 }
 
 /// The source's gradients on the target's triangles, for both formulations.
@@ -151,7 +151,7 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
   if (std::find(roles.begin(), roles.end(), kFree) == roles.end())
     throw Error(Status::argument, "Every vertex is pinned, so nothing can follow",
                 Remedy::pin_fewer);
-  region_ = split_region(unit, roles, pinned ? 1 : 0, MovedBy::base);
+  region_ = make_region(unit, roles, pinned ? 1 : 0, MovedBy::base);
 
   if (options.formulation == Formulation::surface) {
     surface_ = std::make_unique<FactoredSurface>(unit, region_);
@@ -171,7 +171,7 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
   } else {
     std::vector<int> all(static_cast<size_t>(unit.triangle_count()));
     std::iota(all.begin(), all.end(), 0);
-    fourth_points_ = std::make_unique<FourthPoints>(
+    fourth_points_ = std::make_unique<FourthPointSystem>(
         unit, region_, all,
         options.formulation == Formulation::fourth_points ? FourthPointWeights::volumes
                                                           : FourthPointWeights::ones,
@@ -192,37 +192,40 @@ void MeshTransfer::add_corrections(const TransferOptions& options, const Progres
   const Placing placing = options.placing;
   need_whole_gradients_ = placing == Placing::vertices || placing == Placing::displacements;
   const bool is_worn = placing == Placing::vertices && options.worn;
+  TransferContext context;
+  context.source = &source_;
+  context.target = &target_;
+  context.box = &box_;
+  context.placement = &placement_;
+  context.gradients = gradients_.get();
+  context.components = &components_;
+  context.precision = options.precision;
+  context.pool = &pool_;
   if (placing != Placing::components && !is_worn) {
     if (options.worn)
       points_ = std::make_unique<SourcePoints>(source_, options.worn->of_vertices);
     else
-      points_ = std::make_unique<SourcePoints>(source_, target_,
-                                               Fans(target_.triangles, target_.vertex_count()),
-                                               *gradients_, placement_, pool_, options.points);
+      points_ = std::make_unique<SourcePoints>(
+          context, VertexTriangles(target_.triangles, target_.vertex_count()), options.points);
   }
+  context.points = points_.get();
   const Displacements* displaced = nullptr;
   std::unique_ptr<PlaceCorrection> own;
   if (is_worn) {
     auto worn =
-        std::make_unique<WornPlaces>(source_, target_, box_, region_, *options.worn, placement_,
-                                     *gradients_, options.gap, options.precision, pool_, progress);
+        std::make_unique<WornPlaces>(context, region_, *options.worn, options.gap, progress);
     worn_ = worn.get();
     own = std::move(worn);
   } else if (placing == Placing::vertices) {
-    own =
-        std::make_unique<FollowedPlaces>(source_, target_, box_, components_, *points_, placement_,
-                                         *gradients_, options.precision, pool_, progress);
+    own = std::make_unique<FollowedPlaces>(context, progress);
   } else if (placing == Placing::parts) {
-    own = std::make_unique<RigidParts>(source_, target_, components_, *points_, placement_,
-                                       *gradients_);
+    own = std::make_unique<RigidParts>(context);
   } else if (placing == Placing::displacements) {
-    auto displacements =
-        std::make_unique<Displacements>(source_, target_, components_, *points_, placement_, pool_);
+    auto displacements = std::make_unique<Displacements>(context);
     displaced = displacements.get();
     own = std::move(displacements);
   }
-  auto components = std::make_unique<ComponentPlaces>(source_, target_, components_, areas_,
-                                                      placement_, *gradients_, displaced, pool_);
+  auto components = std::make_unique<ComponentPlaces>(context, areas_, displaced);
   const ComponentPlaces& places = *components;
   corrections_.push_back(std::move(components));
   if (own) corrections_.push_back(std::move(own));
@@ -242,22 +245,22 @@ void MeshTransfer::find_components() {
   }
 }
 
-Positions MeshTransfer::checked_places(const Positions* places) const {
-  if (places && places->rows() != anchor_count())
+Positions MeshTransfer::checked_anchor_positions(const Positions* given_positions) const {
+  if (given_positions && given_positions->rows() != anchor_count())
     throw Error(Status::argument,
-                "There are " + std::to_string(places->rows()) + " places for " +
+                "There are " + std::to_string(given_positions->rows()) + " places for " +
                     std::to_string(anchor_count()) + " anchors",
                 Remedy::call);
   Positions result(anchor_count(), 3);
   for (int i = 0; i < anchor_count(); ++i) result.row(i) = target_.positions.row(anchors_[i]);
-  if (places) result = *places;
+  if (given_positions) result = *given_positions;
   if (!result.allFinite())
     throw Error(Status::argument, "The place of an anchor is not finite", Remedy::call);
   return result;
 }
 
 const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
-                                     const Positions* places) {
+                                     const Positions* given_positions) {
   if (pose.rows() != source_.vertex_count())
     throw Error(Status::argument,
                 "The pose has " + std::to_string(pose.rows()) + " vertices, and the source " +
@@ -271,12 +274,12 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
       if (!pose.row(v).allFinite())
         throw Error(Status::argument, {Subject::source_vertex, v}, "is not finite in the pose",
                     Remedy::move_vertex);
-  const Positions anchor_places = checked_places(places);
+  const Positions anchor_positions = checked_anchor_positions(given_positions);
 
-  gradients_->take(pose, rotation_only, pool_);
-  solve(anchor_places);
+  gradients_->set_pose(pose, rotation_only, pool_);
+  solve(anchor_positions);
   for (const auto& correction : corrections_) correction->correct(pose, result_);
-  keep_anchors(anchor_places);
+  keep_anchors(anchor_positions);
   if (!result_.allFinite())
     throw Error(Status::numeric,
                 "The transferred pose is not finite: the source's pose is too large",
@@ -284,12 +287,12 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
   return result_;
 }
 
-void MeshTransfer::solve(const Positions& anchor_places) {
+void MeshTransfer::solve(const Positions& anchor_positions) {
   offsets_.setZero();
   if (anchor_ == Anchor::pinned)
     for (int i = 0; i < anchor_count(); ++i)
       offsets_.row(order_.row_of_vertex[anchors_[i]]).head<3>() =
-          (anchor_places.row(i) - target_.positions.row(anchors_[i])) / box_.scale;
+          (anchor_positions.row(i) - target_.positions.row(anchors_[i])) / box_.scale;
   if (surface_)
     Reconstruction(*surface_).solve(*on_target_, Formulation::surface, offsets_);
   else
@@ -302,14 +305,14 @@ void MeshTransfer::solve(const Positions& anchor_places) {
   });
 }
 
-void MeshTransfer::keep_anchors(const Positions& anchor_places) {
+void MeshTransfer::keep_anchors(const Positions& anchor_positions) {
   if (anchor_ == Anchor::source || anchor_ == Anchor::pinned) return;
-  const Eigen::RowVector3d shift = shift_to_anchor(anchor_places);
+  const Eigen::RowVector3d shift = shift_to_anchor(anchor_positions);
   for (const Component& component : components_)
     for (int v : component.vertices) result_.row(v) += shift;
 }
 
-Eigen::RowVector3d MeshTransfer::shift_to_anchor(const Positions& anchor_places) const {
+Eigen::RowVector3d MeshTransfer::shift_to_anchor(const Positions& anchor_positions) const {
   MeanShift missing;
   if (anchor_ == Anchor::centroid) {
     for (int j = 0; j < target_.triangle_count(); ++j)
@@ -319,7 +322,7 @@ Eigen::RowVector3d MeshTransfer::shift_to_anchor(const Positions& anchor_places)
   } else {
     for (int i = 0; i < anchor_count(); ++i)
       if (region_.role[anchors_[i]] != kFixed)  // fixed here: without a triangle, at rest
-        missing.add(1, anchor_places.row(i) - result_.row(anchors_[i]));
+        missing.add(1, anchor_positions.row(i) - result_.row(anchors_[i]));
   }
   return missing.mean();
 }

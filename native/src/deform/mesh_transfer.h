@@ -38,14 +38,16 @@ struct TransferOptions {
   Formulation formulation = Formulation::surface;
   Anchor anchor = Anchor::source;
   Placing placing = Placing::components;  ///< of components without a pinned vertex
-  std::vector<int> anchors;               ///< target vertices, for Anchor::vertices and pinned
+  std::vector<int> anchors;  ///< vertices of the target, for Anchor::vertices and Anchor::pinned
   /// The similarity that takes the source onto the target; null: fitted_placement(), or the
   /// identity with worn.
   const Similarity* placement = nullptr;
-  /// For a garment that the source wears: the points of the source that it lies over, under that
-  /// placement; else null.
+  /// If the target is a garment that the source wears: the points of the source that its vertices
+  /// and triangles lie over, with the source placed by `placement`; else null.
   const NearestPoints* worn = nullptr;
-  double gap = -1;  ///< of a garment, with Placing::vertices: see WornPlaces
+  /// Least distance of a garment from the source, with Placing::vertices, as a fraction of the
+  /// diagonal of the target's box; negative: it may come through. See WornPlaces.
+  double gap = -1;
   /// The point of the source that each vertex of the target corresponds to, triangle -1 where it is
   /// unknown. Unknown ones, or all if this is empty, follow from the correspondences. See
   /// points_of_fit().
@@ -55,7 +57,7 @@ struct TransferOptions {
 };
 
 /// The similarity that fits the centres and normals of source triangles to those of the target
-/// triangles that they correspond to, weighted by the target's areas: see fitted_stance().
+/// triangles that they correspond to, weighted by the target's areas: see fitted_placement().
 Similarity fitted_placement(const Mesh& source, const Mesh& target,
                             const Correspondence& correspondence);
 
@@ -63,8 +65,10 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
 /// the source's triangles are carried to those of T (SourceGradients), and L p' = div(S_jᵀ) (14) is
 /// solved on T. Factored once; a pose costs a pass over the triangles and one solve.
 ///
-/// Positions that gradients leave open are set by corrections, in this order: ComponentPlaces, that
-/// of Placing, KeptTogether (not with WornPlaces), and the anchors.
+/// Positions that gradients leave open are set by corrections, in this order: ComponentPlaces
+/// places each component, the correction that `placing` asks for follows if there is one,
+/// KeptTogether moves components along with pinned ones (but no garment, which stays on its
+/// source), and the anchors shift the whole target.
 class MeshTransfer {
  public:
   /// Both meshes: as for validate(). correspondence: of their triangles. Throws Error; progress
@@ -73,11 +77,11 @@ class MeshTransfer {
                const TransferOptions& options, const Progress& progress = {});
   ~MeshTransfer();
 
-  /// pose: S', in the source's units. places: positions of the anchors, or null for those at rest.
+  /// pose: S', in the source's units. given_positions: of the anchors, or null for those at rest.
   /// rotation_only: S_j reduced to its rotation; not with Placing::vertices and displacements.
   /// Returns T', valid until the next call. Throws Error.
   const Positions& apply(const Positions& pose, bool rotation_only,
-                         const Positions* places = nullptr);
+                         const Positions* given_positions = nullptr);
 
   const Mesh& source() const { return source_; }
   const Mesh& target() const { return target_; }
@@ -87,16 +91,16 @@ class MeshTransfer {
   bool mirrored() const { return placement_.mirrored; }
 
   const SourceGradients& gradients() const { return *gradients_; }
-  /// The number of the target's components none of whose triangles has a source, and a vertex of
-  /// one.
+  /// The number of the target's components without any triangle that has a source, and a vertex of
+  /// the first of them; −1: none.
   int unmatched_component_count() const { return unmatched_component_count_; }
   int unmatched_component_example() const { return unmatched_component_example_; }
   /// Target vertices without a triangle, which stay at rest.
-  int loose_count() const { return static_cast<int>(region_.loose.size()); }
+  int isolated_count() const { return static_cast<int>(region_.isolated.size()); }
   const std::vector<int>& degenerate_triangles() const { return degenerate_; }
   /// Vertices of a garment that penetrate the source at rest: their number, and one of them or -1.
-  int through_count() const { return worn_ ? static_cast<int>(worn_->through().size()) : 0; }
-  int through_example() const { return through_count() > 0 ? worn_->through().front() : -1; }
+  int through_count() const { return worn_ ? static_cast<int>(worn_->penetrating().size()) : 0; }
+  int through_example() const { return through_count() > 0 ? worn_->penetrating().front() : -1; }
   /// The mean distance of a garment's vertices from the source.
   double worn_distance() const { return worn_distance_; }
   /// Unknowns and non-zeros of the system, (14) or (10).
@@ -109,10 +113,10 @@ class MeshTransfer {
   void factor(const TransferOptions& options, const Progress& progress);
   void find_components();
   void add_corrections(const TransferOptions& options, const Progress& progress);
-  Positions checked_places(const Positions* places) const;
-  void solve(const Positions& anchor_places);
-  void keep_anchors(const Positions& anchor_places);
-  Eigen::RowVector3d shift_to_anchor(const Positions& anchor_places) const;
+  Positions checked_anchor_positions(const Positions* given_positions) const;
+  void solve(const Positions& anchor_positions);
+  void keep_anchors(const Positions& anchor_positions);
+  Eigen::RowVector3d shift_to_anchor(const Positions& anchor_positions) const;
 
   ThreadPool pool_;
   Mesh source_, target_;
@@ -126,16 +130,16 @@ class MeshTransfer {
   Region region_;
   std::vector<int> degenerate_;
   Eigen::VectorXd areas_;
-  std::unique_ptr<FactoredSurface> surface_;     // of (14)
-  std::unique_ptr<FourthPoints> fourth_points_;  // of (10)
+  std::unique_ptr<FactoredSurface> surface_;          // of (14)
+  std::unique_ptr<FourthPointSystem> fourth_points_;  // of (10)
   RowOrder order_;
   int unknowns_ = 0;
   double nonzeros_ = 0;
 
-  std::vector<Component> components_;                          // triangles: those with a source
+  std::vector<Component> components_;                          // with triangles that have a source
   std::unique_ptr<SourcePoints> points_;                       // for the corrections that need them
-  std::vector<std::unique_ptr<PlaceCorrection>> corrections_;  // in this order
-  bool need_whole_gradients_ = false;                          // whether a correction does
+  std::vector<std::unique_ptr<PlaceCorrection>> corrections_;  // in the order in which they run
+  bool need_whole_gradients_ = false;                          // whether a correction needs them
   const WornPlaces* worn_ = nullptr;                           // one of the corrections, or null
   double worn_distance_ = 0;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;

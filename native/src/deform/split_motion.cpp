@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "support/rotations.h"
 
@@ -81,29 +82,59 @@ std::vector<double> between(const std::vector<ScrewMotion>& screws, double befor
   return matrices;
 }
 
+void require_splittable(const Deformer& bound, const SplitMotion& motion, MethodKind method) {
+  if (bound.outside_base() && motion.steps != 1)
+    throw Error(Status::argument, "A base from outside has no motion that could be split",
+                Remedy::call);
+  if (!facts(method).in_steps && motion.steps != 1)
+    throw Error(Status::argument,
+                "Posing by example goes to any pose in one step: steps would forget the rest",
+                Remedy::call);
+}
+
+UpdateOptions options_of_step(const UpdateOptions& update, int step, int steps) {
+  UpdateOptions options = update;
+  if (step < steps) options.output = Output::result;
+  if (steps > 1) {
+    options.turns.clear();  // those of a step are part of its motion
+    options.free.clear();
+  }
+  return options;
+}
+
+/// Updates a deformer by one step and adds its offsets to those of the steps before.
+void advance(Deformer& deformer, const std::vector<double>& matrices, const UpdateOptions& options,
+             const Positions* deformed_base, SplitResult& result) {
+  // Offsets are summed, because differences of positions would lose digits.
+  result.offsets += deformer.update(matrices.data(), options, deformed_base);
+  if (options.output == Output::base) return;  // the method was not run
+  const MethodFindings findings = deformer.findings(options.method);
+  result.volume_error = findings.volume_error;
+  result.volumes_converged = findings.converged;
+}
+
+Error in_step(const Error& error, int step, int steps) {
+  return {error.status(), error.subject(),
+          error.message() + ", in step " + std::to_string(step) + " of " + std::to_string(steps),
+          error.remedy(), error.vertices()};
+}
+
 }  // namespace
 
 SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
                          const Progress& progress, const Positions* deformed_base,
-                         const std::function<void()>& let_go) {
-  if (bound.outside_base() && motion.steps != 1)
-    throw Error(Status::argument, "A base from outside has no motion that could be split",
-                Remedy::call);
-  if (!facts(update.method).in_steps && motion.steps != 1)
-    throw Error(Status::argument,
-                "Posing by example goes to any pose in one step: steps would forget the rest",
-                Remedy::call);
+                         const std::function<void()>& on_deformer_released) {
+  require_splittable(bound, motion, update.method);
   std::vector<ScrewMotion> screws;  // not needed for one step, where they may not exist
   if (motion.steps > 1) {
     std::vector<double> turns;
-    const std::vector<double> matrices = bound.turned(motion.matrices.data(), update, turns);
+    const std::vector<double> matrices =
+        bound.completed_matrices(motion.matrices.data(), update, turns);
     screws = screw_motions(bound, matrices, turns);
   }
 
-  const Positions& rest = bound.mesh().positions;
-  Mesh surface = bound.mesh();
   SplitResult result;
-  result.offsets = Positions::Zero(rest.rows(), 3);
+  result.offsets = Positions::Zero(bound.mesh().vertex_count(), 3);
   for (int step = 1; step <= motion.steps; ++step) {
     const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
     const auto tell = [&](double within_step, Stage stage) {
@@ -111,44 +142,28 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     };
     // Progress: a slow method takes most of a step itself, else binding does.
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
-    UpdateOptions options = update;
-    if (step < motion.steps) options.output = Output::result;
-    if (motion.steps > 1) {
-      options.turns.clear();  // those of a step are part of its motion
-      options.free.clear();
-    }
+    UpdateOptions options = options_of_step(update, step, motion.steps);
     options.of_method.progress = [&](double fraction, Stage stage) {
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };
-    const auto advance = [&](Deformer& deformer) {
+    try {
+      if (step == 1) report(tell, 0, Stage::deforming);
       const std::vector<double> matrices =
           motion.steps > 1 ? between(screws, before, now) : motion.matrices;
-      // Offsets are summed, because differences of positions would lose digits.
-      result.offsets += deformer.update(matrices.data(), options, deformed_base);
-      surface.positions = rest + result.offsets;
-      if (options.output == Output::base) return;  // the method was not run
-      const MethodFindings findings = deformer.findings(options.method);
-      result.volume_error = findings.volume_error;
-      result.volumes_converged = findings.converged;
-    };
-    try {
       if (step == 1) {
-        report(tell, 0, Stage::deforming);
-        advance(bound);
-        if (let_go) let_go();
+        advance(bound, matrices, options, deformed_base, result);
+        if (on_deformer_released) on_deformer_released();
         continue;
       }
-      Deformer deformer(surface, bound.region().role, bound.region().handle_count,
+      Mesh surface = {bound.mesh().positions + result.offsets, bound.mesh().triangles};
+      Deformer deformer(std::move(surface), bound.region().role, bound.region().handle_count,
                         bound.bind_options(), [&](double fraction, Stage stage) {
                           return tell(bound_at * std::min(fraction, 0.999), stage);
                         });
-      advance(deformer);
+      advance(deformer, matrices, options, deformed_base, result);
     } catch (const Error& error) {
       if (error.status() == Status::cancelled || motion.steps == 1) throw;
-      throw Error(error.status(), error.subject(),
-                  error.message() + ", in step " + std::to_string(step) + " of " +
-                      std::to_string(motion.steps),
-                  error.remedy(), error.vertices());
+      throw in_step(error, step, motion.steps);
     }
   }
   report(progress, 1.0, Stage::done);

@@ -46,11 +46,11 @@ struct SplitResult {
 
 /// Arguments as for Deformer::update(), with the turns of the whole motion. A base from outside has
 /// no motion that could be split, so it allows one step only. The first step updates the bound
-/// deformer; later ones bind new surfaces and only read its constant parts. let_go: called after
-/// the first step, from when on other threads may update the deformer. Throws Error, naming the
-/// step.
+/// deformer; later ones bind new surfaces and only read its constant parts. on_deformer_released:
+/// called after the first step, from when on other threads may update the deformer. Throws Error,
+/// naming the step.
 SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
                          const Progress& progress = {}, const Positions* deformed_base = nullptr,
-                         const std::function<void()>& let_go = {});
+                         const std::function<void()>& on_deformer_released = {});
 
 }  // namespace dd

@@ -12,76 +12,76 @@ namespace dd {
 
 namespace {
 
-using Four = Eigen::Array4d;
+using FourRows = Eigen::Array4d;
 
 /// Blocks of 4 rows that are accumulated together. Derived: with 4 columns, 3 blocks take 12 sums,
 /// 3 operands and 1 factor, all of AVX2's 16 registers.
 #ifdef __AVX2__
-constexpr int kFours = 3;
+constexpr int kRowBlocksAtOnce = 3;
 #else
-constexpr int kFours = 1;
+constexpr int kRowBlocksAtOnce = 1;
 #endif
-static_assert(kFours <= 3, "each_four() has three sizes");
+static_assert(kRowBlocksAtOnce <= 3, "each_four() has three sizes");
 
 /// A block of a column-major matrix, or of its transpose.
-struct Part {
+struct MatrixView {
   const double* values;
   Eigen::Index row_step, column_step;
 
-  static Part of(const double* values, int stride) { return {values, 1, stride}; }
-  static Part transposed(const double* values, int stride) { return {values, stride, 1}; }
+  static MatrixView of(const double* values, int stride) { return {values, 1, stride}; }
+  static MatrixView transposed(const double* values, int stride) { return {values, stride, 1}; }
 };
 
-/// P Qᵀ for 4·Fours rows of P, from p on, and up to 4 rows of Q, of inner dimension count. Calls
-/// give(f, sums) for each block of 4 rows; sums beyond `columns` are to be ignored.
-template <int Fours, class Give>
-inline void products(int count, const double* p, int stride, Part q, int columns,
+/// P Qᵀ for 4·RowBlocks rows of P, from p on, and up to 4 rows of Q, of inner dimension count.
+/// Calls give(f, sums) for each block of 4 rows; sums beyond `columns` are to be ignored.
+template <int RowBlocks, class Give>
+inline void products(int count, const double* p, int stride, MatrixView q, int columns,
                      const Give& give) {
   const double* row[4];
   for (int j = 0; j < 4; ++j) row[j] = q.values + (j < columns ? j : columns - 1) * q.row_step;
-  Four sums[Fours][4];
-  for (int f = 0; f < Fours; ++f)
+  FourRows sums[RowBlocks][4];
+  for (int f = 0; f < RowBlocks; ++f)
     for (int j = 0; j < 4; ++j) sums[f][j].setZero();
   for (int k = 0; k < count; ++k, p += stride) {
-    Four column[Fours];
-    for (int f = 0; f < Fours; ++f) column[f] = Eigen::Map<const Four>(p + 4 * f);
+    FourRows column[RowBlocks];
+    for (int f = 0; f < RowBlocks; ++f) column[f] = Eigen::Map<const FourRows>(p + 4 * f);
     for (int j = 0; j < 4; ++j) {
-      const Four factor = Four::Constant(*row[j]);
+      const FourRows factor = FourRows::Constant(*row[j]);
       row[j] += q.column_step;
-      for (int f = 0; f < Fours; ++f) sums[f][j] += column[f] * factor;
+      for (int f = 0; f < RowBlocks; ++f) sums[f][j] += column[f] * factor;
     }
   }
-  for (int f = 0; f < Fours; ++f) give(f, sums[f]);
+  for (int f = 0; f < RowBlocks; ++f) give(f, sums[f]);
 }
 
 /// Computes the rows begin to end − 1 of up to four columns of P Qᵀ in blocks of 4 rows:
 /// give(row, number of rows, sums). count(end): the inner dimension for rows before `end`, as P may
 /// be triangular. Reads P up to the next multiple of 4 rows from begin: see kReadBeyond.
 template <class Count, class Give>
-inline void each_four(int begin, int end, const Count& count, const double* p, int stride, Part q,
-                      int columns, const Give& give) {
+inline void each_four(int begin, int end, const Count& count, const double* p, int stride,
+                      MatrixView q, int columns, const Give& give) {
   int i = begin;
-  const auto go = [&](auto fours) {
-    constexpr int kRows = 4 * decltype(fours)::value;
-    products<decltype(fours)::value>(count(i + kRows), p + i, stride, q, columns,
-                                     [&](int f, const Four* sums) {
-                                       const int row = i + 4 * f;
-                                       give(row, end - row < 4 ? end - row : 4, sums);
-                                     });
+  const auto go = [&](auto row_blocks) {
+    constexpr int kRows = 4 * decltype(row_blocks)::value;
+    products<decltype(row_blocks)::value>(count(i + kRows), p + i, stride, q, columns,
+                                          [&](int f, const FourRows* sums) {
+                                            const int row = i + 4 * f;
+                                            give(row, end - row < 4 ? end - row : 4, sums);
+                                          });
     i += kRows;
   };
-  while (end - i > 4 * (kFours - 1)) go(Constant<kFours>());
-  if (kFours > 2 && end - i > 4) go(Constant<2>());
+  while (end - i > 4 * (kRowBlocksAtOnce - 1)) go(Constant<kRowBlocksAtOnce>());
+  if (kRowBlocksAtOnce > 2 && end - i > 4) go(Constant<2>());
   if (end - i > 0) go(Constant<1>());
 }
 
 /// Calls write(target, value) for the first `rows` rows of each column.
 template <class Write>
-inline void write_fours(double* target, int stride, int columns, const Four* values, int rows,
+inline void write_fours(double* target, int stride, int columns, const FourRows* values, int rows,
                         const Write& write) {
   for (int c = 0; c < columns; ++c, target += stride) {
     if (rows == 4) {
-      Eigen::Map<Four> all(target);
+      Eigen::Map<FourRows> all(target);
       write(all, values[c]);
     } else {
       for (int r = 0; r < rows; ++r) write(target[r], values[c][r]);
@@ -108,14 +108,14 @@ struct Corner {
 };
 
 /// R ← R D⁻ᵀ for four rows, r its columns.
-inline void solve_by_transposed(const Corner& d, Four* r) {
+inline void solve_by_transposed(const Corner& d, FourRows* r) {
   for (int j = 0; j < 4; ++j) {
     for (int k = 0; k < j; ++k) r[j] -= r[k] * d.value[j][k];
     r[j] *= d.inverse[j];
   }
 }
 /// R ← R D⁻¹.
-inline void solve_by(const Corner& d, Four* r) {
+inline void solve_by(const Corner& d, FourRows* r) {
   for (int j = 3; j >= 0; --j) {
     for (int k = j + 1; k < 4; ++k) r[j] -= r[k] * d.value[k][j];
     r[j] *= d.inverse[j];
@@ -139,11 +139,12 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
   const auto at = [&](int row, int column) { return a + Eigen::Index(column) * stride + row; };
   for (int j = 0; j < width; j += 4) {
     const int columns = width - j < 4 ? width - j : 4;
-    const Part q = Part::of(a + j, stride);
+    const MatrixView q = MatrixView::of(a + j, stride);
     const auto count = [j](int) { return j; };
-    each_four(j, j + columns, count, a, stride, q, columns, [&](int, int rows, const Four* sums) {
-      write_fours(at(j, j), stride, columns, sums, rows, Subtract());
-    });
+    each_four(j, j + columns, count, a, stride, q, columns,
+              [&](int, int rows, const FourRows* sums) {
+                write_fours(at(j, j), stride, columns, sums, rows, Subtract());
+              });
     for (int k = j; k < j + columns; ++k) {
       const double pivot = *at(k, k);
       if (!(pivot > bounds[k]) || !(pivot < 1e300)) return k;
@@ -155,9 +156,9 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
     }
     if (columns < 4) break;
     const Corner d = corner_of(at(j, j), stride, columns);
-    each_four(j + 4, width, count, a, stride, q, 4, [&](int i, int rows, const Four* sums) {
-      Four r[4];
-      for (int c = 0; c < 4; ++c) r[c] = Eigen::Map<const Four>(at(i, j + c)) - sums[c];
+    each_four(j + 4, width, count, a, stride, q, 4, [&](int i, int rows, const FourRows* sums) {
+      FourRows r[4];
+      for (int c = 0; c < 4; ++c) r[c] = Eigen::Map<const FourRows>(at(i, j + c)) - sums[c];
       solve_by_transposed(d, r);
       write_fours(at(i, j), stride, 4, r, rows, Assign());
     });
@@ -174,12 +175,12 @@ inline void invert_small(int width, const double* c, int stride, double* inverse
   for (int j = (width - 1) / 4 * 4; j >= 0; j -= 4) {
     const int columns = width - j < 4 ? width - j : 4, next = j + columns;
     const Corner d = corner_of(c + Eigen::Index(j) * stride + j, stride, columns);
-    const auto put = [&](int i, int rows, Four* r) {
+    const auto put = [&](int i, int rows, FourRows* r) {
       solve_by(d, r);
       write_fours(inverse + Eigen::Index(j) * inverse_stride + i, inverse_stride, columns, r, rows,
                   Assign());
     };
-    Four one[4];
+    FourRows one[4];
     for (int k = 0; k < 4; ++k) {
       one[k].setZero();
       one[k][k] = 1;
@@ -188,9 +189,9 @@ inline void invert_small(int width, const double* c, int stride, double* inverse
     each_four(
         next, width, [&](int rows) { return (rows < width ? rows : width) - next; },
         inverse + Eigen::Index(next) * inverse_stride, inverse_stride,
-        Part::transposed(c + Eigen::Index(j) * stride + next, stride), columns,
-        [&](int i, int rows, const Four* sums) {
-          Four r[4];
+        MatrixView::transposed(c + Eigen::Index(j) * stride + next, stride), columns,
+        [&](int i, int rows, const FourRows* sums) {
+          FourRows r[4];
           for (int k = 0; k < 4; ++k) r[k] = -sums[k];
           put(i, rows, r);
         });
@@ -204,8 +205,8 @@ inline void solve_small(int width, int count, const double* inverse, int inverse
     const int columns = width - j < 4 ? width - j : 4;
     each_four(
         0, count, [&](int) { return j + columns; }, b, b_stride,
-        Part::of(inverse + j, inverse_stride), columns,
-        [&](int i, int rows, const Four* sums) {
+        MatrixView::of(inverse + j, inverse_stride), columns,
+        [&](int i, int rows, const FourRows* sums) {
           write_fours(y + Eigen::Index(j) * y_stride + i, y_stride, columns, sums, rows, Assign());
         });
   }
@@ -217,8 +218,8 @@ inline void subtract_small(int width, int size, int first, int last, const doubl
   for (int j = first; j < last; j += 4) {
     const int columns = last - j < 4 ? last - j : 4;
     each_four(
-        j, size, [&](int) { return width; }, y, y_stride, Part::of(y + j, y_stride), columns,
-        [&](int i, int rows, const Four* sums) {
+        j, size, [&](int) { return width; }, y, y_stride, MatrixView::of(y + j, y_stride), columns,
+        [&](int i, int rows, const FourRows* sums) {
           write_fours(a + Eigen::Index(j) * a_stride + i, a_stride, columns, sums, rows,
                       Subtract());
         });

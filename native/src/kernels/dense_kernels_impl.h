@@ -15,12 +15,12 @@ using ConstMatrix = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
 // Largest sizes at which dense_blocks.h is faster than Eigen: columns of a pivot block, columns of
 // a solve, rows of a product. Tuned by timing both (native/bench/RESULTS.md).
-constexpr int kSmallPivot = 64, kSmallSolve = 64, kSmallProduct = 192;
+constexpr int kMaxPivotByBlocks = 64, kMaxSolveByBlocks = 64, kMaxProductByBlocks = 192;
 
 /// Y = B C⁻ᵀ, with C⁻¹ a block of a larger matrix.
 void solve_rows_by(int width, int count, const double* inverse, int inverse_stride, const double* b,
                    int b_stride, double* y, int y_stride) {
-  if (width <= kSmallSolve)
+  if (width <= kMaxSolveByBlocks)
     return solve_small(width, count, inverse, inverse_stride, b, b_stride, y, y_stride);
   const ConstMatrix C1(inverse, width, width, Eigen::OuterStride<>(inverse_stride));
   const ConstMatrix B(b, count, width, Eigen::OuterStride<>(b_stride));
@@ -35,7 +35,7 @@ void solve_rows(int width, int count, const double* inverse, const double* b, in
 
 void subtract_products(int width, int size, int first, int last, const double* y, int y_stride,
                        double* a, int a_stride) {
-  if (size - first <= kSmallProduct)
+  if (size - first <= kMaxProductByBlocks)
     return subtract_small(width, size, first, last, y, y_stride, a, a_stride);
   const ConstMatrix Y(y, size, width, Eigen::OuterStride<>(y_stride));
   Matrix A(a, size, size, Eigen::OuterStride<>(a_stride));
@@ -52,7 +52,7 @@ void subtract_products(int width, int size, int first, int last, const double* y
 /// −C₂₂⁻¹ C₂₁ C₁₁⁻¹.
 int factor_and_invert(int width, double* a, int stride, const double* bounds, double* inverse,
                       int inverse_stride) {
-  if (width <= kSmallPivot) {
+  if (width <= kMaxPivotByBlocks) {
     const int bad = factor_small(width, a, stride, bounds);
     if (bad < 0) invert_small(width, a, stride, inverse, inverse_stride);
     return bad;

@@ -39,7 +39,7 @@ struct RotationBlock {
 /// kLanes triangles whose flux is rotated by the mean of their corners' quaternions. Unused lanes
 /// have zero flux.
 template <class Real>
-struct TurnBlock {
+struct RotatedFluxBlock {
   int32_t corner[3][kLanes];  ///< rows of the quaternions
   int32_t target[3][kLanes];
   Real flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
@@ -61,21 +61,22 @@ struct ExampleChange {
   Real stretch[6][kLanes];
 };
 /// The current pose: the rotation vector r = Σ w_i r_ij; the coefficients of [r]× and [r]×², in
-/// exp r and in its left Jacobian; T_j − I and T_j applied to the gradient of S.
+/// exp r and in its left Jacobian; change and gradient: T_j − I and T_j applied to S's gradient.
 template <class Real>
 struct ExamplePose {
   Real turn[3][kLanes];
   Real sine[kLanes], versine[kLanes], cubic[kLanes];
-  Real moved[6][kLanes], whole[6][kLanes];
+  Real change[6][kLanes], gradient[6][kLanes];
   bool rotation_only;
 };
 template <class Real>
 struct ExampleGradient {
   Real value[6][kLanes];
 };
-/// Factors of the misfit's part in the second derivatives, see take_bends(): a_i, K a_i + t_i, t_i.
+/// Of one example i, the vectors a_i, K a_i + t_i and t_i whose dot products with those of another
+/// example give the misfit's part of the second derivatives, see take_second_order().
 template <class Real>
-struct ExampleBend {
+struct ExampleSecondOrder {
   Real spin[3][kLanes], pull[3][kLanes], stretch_pull[3][kLanes];
 };
 /// The arrays that the passes of posing by example work on, indexed by block, then by example.
@@ -86,13 +87,16 @@ struct ExampleView {
   const ExampleChange<Real>* changes;
   ExamplePose<Real>* poses;
   ExampleGradient<Real>* misfits;
-  ExampleGradient<Real>* slopes;
+  ExampleGradient<Real>* derivatives;
 };
 
-/// Number of rows in the next group of a supernode's values: the largest power of two up to `most`
-/// that fits into the rows left. Groups are column-major. C_ss⁻¹ is stored from its last rows on; a
-/// group of it has as many columns as its last row, padded with zeros. So forward substitution
-/// reads the whole factor in one direction, and backward substitution in the other.
+/// A supernode's values are stored in groups of consecutive rows, each group column-major: first
+/// C_ss⁻¹, beginning with its last rows, then the rows below. A group of C_ss⁻¹ has as many columns
+/// as its last row has entries; shorter rows are padded with zeros. In this order forward
+/// substitution reads the whole factor in one direction, and backward substitution in the other.
+///
+/// Returns the number of rows of the next group, the largest power of two that is neither above
+/// `most` nor above `left`, the number of rows that are not in a group yet.
 constexpr int rows_together(int left, int most) {
   int rows = 1;
   while (2 * rows <= left && 2 * rows <= most) rows *= 2;
@@ -118,10 +122,10 @@ constexpr int64_t packed_triangle_size(int width) {
 /// A factor as the solve kernels read it: see SparseCholesky and SymbolicCholesky.
 template <class Real>
 struct FactorView {
-  const int32_t* begin;        ///< first place of each supernode
-  const int64_t* row_begin;    ///< start of each supernode in slots
-  const int32_t* slots;        ///< row of x for each row below
-  const int64_t* value_begin;  ///< start of each supernode in values
+  const int32_t* begin;         ///< first row of each supernode
+  const int64_t* row_begin;     ///< start of each supernode in slotted_rows
+  const int32_t* slotted_rows;  ///< row of x for each row below
+  const int64_t* value_begin;   ///< start of each supernode in values
   /// For each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
   const Real* values;
 };
@@ -131,7 +135,7 @@ struct FactorView {
 template <class Real>
 struct KernelsOf {
   /// Forward substitution through the supernodes first to last − 1: x ← C⁻¹ (right + x) at their
-  /// places, and its products with the rows below are subtracted from those rows of x. Solves the
+  /// rows, and its products with the rows below are subtracted from those rows of x. Solves the
   /// first three columns; the fourth is undefined.
   void (*forward)(const FactorView<Real>& factor, int first, int last, const double* right,
                   Real* x);
@@ -161,8 +165,8 @@ struct KernelsOf {
 
   /// Adds each triangle's flux, rotated by the mean of its corners' quaternions, to the rows of its
   /// target corners.
-  void (*turn_pass)(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
-                    double* right_hand_side);
+  void (*rotated_flux_pass)(int block_count, const RotatedFluxBlock<Real>* blocks,
+                            const Real* quaternions, double* right_hand_side);
 
   /// ExamplePass's functions of these names, for the blocks begin to end − 1. offsets, rows: n×4.
   void (*example_pose)(const ExampleView<Real>& view, int begin, int end, const Real* weights,
@@ -171,13 +175,13 @@ struct KernelsOf {
                            const double* offsets);
   void (*example_misfit_divergence)(const ExampleView<Real>& view, int begin, int end,
                                     double* rows);
-  void (*example_slope)(const ExampleView<Real>& view, int example, int begin, int end,
-                        double* rows);
-  /// bends: scratch, one for each example. sums, added to: for each example its row of the
+  void (*example_derivative)(const ExampleView<Real>& view, int example, int begin, int end,
+                             double* rows);
+  /// second_order: scratch, one for each example. sums, added to: for each example its row of the
   /// Hessian's lower triangle, then its entry of the gradient.
   void (*example_second_order)(const ExampleView<Real>& view, int begin, int end,
-                               const double* const* followed, ExampleBend<Real>* bends,
-                               Real (*sums)[kLanes]);
+                               const double* const* position_responses,
+                               ExampleSecondOrder<Real>* second_order, Real (*sums)[kLanes]);
 };
 
 /// The loops of a frame, compiled once for each instruction set. Rows have 4 doubles, x y z and one

@@ -62,13 +62,13 @@ template <class Real>
 inline void take_factors(ExamplePose<Real>& pose) {
   // Squared angle in rad² below which Taylor series replace quotients, which cancel there. Derived:
   // up to it the series' remainders are below 2e-16.
-  constexpr double kSmall = 0.1;
+  constexpr double kTaylorLimit = 0.1;
   const Three<Real> r = three<Real>(pose.turn);
   const InLanes<Real> squares = dot(r, r);
   for (int lane = 0; lane < kLanes; ++lane) {
     const double x = static_cast<double>(squares[lane]);
     double sine, versine, cubic;
-    if (x < kSmall) {
+    if (x < kTaylorLimit) {
       sine = 1 - x / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110))));
       versine = 0.5 * (1 - x / 12 * (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132)))));
       cubic = 1.0 / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110 * (1 - x / 156)))));
@@ -118,7 +118,7 @@ inline void add_divergence(const ExampleBlock<Real>& block, const Real (*gradien
 template <class Real>
 inline void subtract_gradient(const ExampleBlock<Real>& block, const double* x,
                               Real (*gradient)[kLanes]) {
-  Edges<Real> edges;
+  TriangleEdges<Real> edges;
   gather_edges(block.corner, x, edges);
   for (int c = 0; c < 3; ++c) {
     const auto first = in_lanes<Real>(edges.first[c]), second = in_lanes<Real>(edges.second[c]);
@@ -151,11 +151,11 @@ void example_pose(const ExampleView<Real>& view, int begin, int end, const Real*
     for (int column = 0; column < 6; column += 3) {
       const Three<Real> rest = three<Real>(block.rest + column);
       const Three<Real> own = {stretch[column], stretch[column + 1], stretch[column + 2]};
-      const Three<Real> moved = own + in.turned(rest + own);
-      put(pose.moved + column, moved);
-      put(pose.whole + column, rest + moved);
+      const Three<Real> changed = own + in.turned(rest + own);
+      put(pose.change + column, changed);
+      put(pose.gradient + column, rest + changed);
     }
-    add_divergence<Real>(block, pose.moved, block.target, rows);
+    add_divergence<Real>(block, pose.change, block.target, rows);
   }
 }
 
@@ -164,7 +164,7 @@ double example_misfit(const ExampleView<Real>& view, int begin, int end, const d
   double sum = 0;
   for (int b = begin; b < end; ++b) {
     Real(*misfit)[kLanes] = view.misfits[b].value;
-    memcpy(misfit, view.poses[b].moved, sizeof view.poses[b].moved);
+    memcpy(misfit, view.poses[b].change, sizeof view.poses[b].change);
     subtract_gradient(view.blocks[b], offsets, misfit);
     InLanes<Real> squares = InLanes<Real>::Zero();
     for (int c = 0; c < 6; ++c) squares += in_lanes(misfit[c]).square();
@@ -184,42 +184,46 @@ void example_misfit_divergence(const ExampleView<Real>& view, int begin, int end
 }
 
 template <class Real>
-void example_slope(const ExampleView<Real>& view, int example, int begin, int end, double* rows) {
+void example_derivative(const ExampleView<Real>& view, int example, int begin, int end,
+                        double* rows) {
   for (int b = begin; b < end; ++b) {
     const ExamplePose<Real>& pose = view.poses[b];
     const PoseInLanes<Real> in(pose);
-    const int64_t place = int64_t{b} * view.example_count + example;
-    const ExampleChange<Real>& change = view.changes[place];
-    Real(*slope)[kLanes] = view.slopes[place].value;
+    const int64_t entry = int64_t{b} * view.example_count + example;
+    const ExampleChange<Real>& change = view.changes[entry];
+    Real(*derivative)[kLanes] = view.derivatives[entry].value;
     const Three<Real> spin = in.spin(three<Real>(change.turn));
     for (int column = 0; column < 6; column += 3) {
-      const Three<Real> spun = cross(spin, three<Real>(pose.whole + column));
+      const Three<Real> spun = cross(spin, three<Real>(pose.gradient + column));
       if (pose.rotation_only) {
-        put(slope + column, spun);
+        put(derivative + column, spun);
         continue;
       }
       const Three<Real> stretch = three<Real>(change.stretch + column);
-      put(slope + column, spun + (stretch + in.turned(stretch)));
+      put(derivative + column, spun + (stretch + in.turned(stretch)));
     }
-    add_divergence<Real>(view.blocks[b], slope, view.blocks[b].target, rows);
+    add_divergence<Real>(view.blocks[b], derivative, view.blocks[b].target, rows);
   }
 }
 
 /// The misfit's part of the second derivatives,
-/// misfit · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k, with a_i the spin by example i. Neglects
-/// the spins' own derivatives, which vanish if all examples turn about one axis.
+/// misfit · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k, with a_i the spin by example i, K
+/// symmetric, made of the misfit and the pose's gradient, and t_i made of the misfit and the
+/// stretch of example i. Neglects the spins' own derivatives, which vanish if all examples turn
+/// about one axis.
 template <class Real>
-inline void take_bends(const ExampleView<Real>& view, int b, ExampleBend<Real>* bends) {
+inline void take_second_order(const ExampleView<Real>& view, int b,
+                              ExampleSecondOrder<Real>* second_order) {
   const ExamplePose<Real>& pose = view.poses[b];
   const PoseInLanes<Real> in(pose);
   const Real(*misfit)[kLanes] = view.misfits[b].value;
   InLanes<Real> K[3][3];
   for (int p = 0; p < 3; ++p)
     for (int q = 0; q < 3; ++q)
-      K[p][q] = Real(0.5) * (in_lanes(misfit[p]) * in_lanes(pose.whole[q]) +
-                             in_lanes(misfit[q]) * in_lanes(pose.whole[p]) +
-                             in_lanes(misfit[3 + p]) * in_lanes(pose.whole[3 + q]) +
-                             in_lanes(misfit[3 + q]) * in_lanes(pose.whole[3 + p]));
+      K[p][q] = Real(0.5) * (in_lanes(misfit[p]) * in_lanes(pose.gradient[q]) +
+                             in_lanes(misfit[q]) * in_lanes(pose.gradient[p]) +
+                             in_lanes(misfit[3 + p]) * in_lanes(pose.gradient[3 + q]) +
+                             in_lanes(misfit[3 + q]) * in_lanes(pose.gradient[3 + p]));
   const InLanes<Real> trace = K[0][0] + K[1][1] + K[2][2];
   for (int p = 0; p < 3; ++p) K[p][p] -= trace;
   const ExampleChange<Real>* change = view.changes + int64_t{b} * view.example_count;
@@ -231,36 +235,37 @@ inline void take_bends(const ExampleView<Real>& view, int b, ExampleBend<Real>* 
         const Three<Real> stretch = three<Real>(change->stretch + column);
         pull = pull + cross(stretch + in.turned(stretch), three<Real>(misfit + column));
       }
-    put(bends[i].spin, a);
-    put(bends[i].stretch_pull, pull);
+    put(second_order[i].spin, a);
+    put(second_order[i].stretch_pull, pull);
     const auto row = [&](int p) -> InLanes<Real> {
       return K[p][0] * a.x + K[p][1] * a.y + K[p][2] * a.z;
     };
-    put(bends[i].pull, pull + Three<Real>{row(0), row(1), row(2)});
+    put(second_order[i].pull, pull + Three<Real>{row(0), row(1), row(2)});
   }
 }
 
 template <class Real>
 void example_second_order(const ExampleView<Real>& view, int begin, int end,
-                          const double* const* followed, ExampleBend<Real>* bends,
-                          Real (*sums)[kLanes]) {
+                          const double* const* position_responses,
+                          ExampleSecondOrder<Real>* second_order, Real (*sums)[kLanes]) {
   const auto products = [](const ExampleGradient<Real>& x,
                            const ExampleGradient<Real>& y) -> InLanes<Real> {
     return dot(three<Real>(x.value), three<Real>(y.value)) +
            dot(three<Real>(x.value + 3), three<Real>(y.value + 3));
   };
   for (int b = begin; b < end; ++b) {
-    take_bends(view, b, bends);
-    ExampleGradient<Real>* slopes = view.slopes + int64_t{b} * view.example_count;
+    take_second_order(view, b, second_order);
+    ExampleGradient<Real>* derivatives = view.derivatives + int64_t{b} * view.example_count;
     for (int i = 0; i < view.example_count; ++i)
-      subtract_gradient(view.blocks[b], followed[i], slopes[i].value);
+      subtract_gradient(view.blocks[b], position_responses[i], derivatives[i].value);
     Real(*sum)[kLanes] = sums;
     for (int i = 0; i < view.example_count; ++i) {
       for (int k = 0; k <= i; ++k)
-        in_lanes(*sum++) += products(slopes[i], slopes[k]) +
-                            dot(three<Real>(bends[k].spin), three<Real>(bends[i].pull)) +
-                            dot(three<Real>(bends[i].spin), three<Real>(bends[k].stretch_pull));
-      in_lanes(*sum++) += products(slopes[i], view.misfits[b]);
+        in_lanes(*sum++) +=
+            products(derivatives[i], derivatives[k]) +
+            dot(three<Real>(second_order[k].spin), three<Real>(second_order[i].pull)) +
+            dot(three<Real>(second_order[i].spin), three<Real>(second_order[k].stretch_pull));
+      in_lanes(*sum++) += products(derivatives[i], view.misfits[b]);
     }
   }
 }

@@ -18,19 +18,21 @@ constexpr int kFewColumns = sizeof(Real) == 4 ? 3 : 4;
 
 template <class Real>
 constexpr KernelsOf<Real> kernels_of() {
-  return {forward<kFewColumns<Real>, Real>,
-          backward<kFewColumns<Real>, Real>,
-          forward<4, Real>,
-          backward<4, Real>,
-          gradient_pass<Real>,
-          rotation_pass<Real>,
-          mean_rotations<Real>,
-          turn_pass<Real>,
-          example_pose<Real>,
-          example_misfit<Real>,
-          example_misfit_divergence<Real>,
-          example_slope<Real>,
-          example_second_order<Real>};
+  KernelsOf<Real> set{};
+  set.forward = forward<kFewColumns<Real>, Real>;
+  set.backward = backward<kFewColumns<Real>, Real>;
+  set.forward_four = forward<4, Real>;
+  set.backward_four = backward<4, Real>;
+  set.gradient_pass = gradient_pass<Real>;
+  set.rotation_pass = rotation_pass<Real>;
+  set.mean_rotations = mean_rotations<Real>;
+  set.rotated_flux_pass = rotated_flux_pass<Real>;
+  set.example_pose = example_pose<Real>;
+  set.example_misfit = example_misfit<Real>;
+  set.example_misfit_divergence = example_misfit_divergence<Real>;
+  set.example_derivative = example_derivative<Real>;
+  set.example_second_order = example_second_order<Real>;
+  return set;
 }
 
 }  // namespace

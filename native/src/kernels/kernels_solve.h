@@ -46,7 +46,7 @@ inline RowOf<Real> plus_product(RowOf<Real> sum, const Real* factor, const RowOf
 template <class Real>
 constexpr Real kZeros[4] = {};
 template <class Real>
-using Four = decltype(get(kZeros<Real>));
+using RowRegister = decltype(get(kZeros<Real>));
 
 // The forward products below read their values in storage order, the backward ones in exactly the
 // reverse order: memory streams nearly twice as fast in one direction (at 250,000 vertices a solve
@@ -55,10 +55,10 @@ using Four = decltype(get(kZeros<Real>));
 /// Calls target(i, Σ_c values[c·Count + i] · own[c]) for `Count` rows of values.
 template <int Count, class Real, class Target>
 inline void forward_rows(int width, const Real* values, const Real* own, const Target& target) {
-  Four<Real> sums[Count];
+  RowRegister<Real> sums[Count];
   for (int i = 0; i < Count; ++i) sums[i] = get(kZeros<Real>);
   for (int c = 0; c < width; ++c, values += Count) {
-    const Four<Real> x = get(own + 4 * c);
+    const RowRegister<Real> x = get(own + 4 * c);
     for (int i = 0; i < Count; ++i) sums[i] = plus_product(sums[i], values + i, x);
   }
   for (int i = 0; i < Count; ++i) target(i, sums[i]);
@@ -67,12 +67,12 @@ inline void forward_rows(int width, const Real* values, const Real* own, const T
 /// own[c] −= Σ_i values[c·Count + i] · source(i).
 template <int Count, class Real, class Source>
 inline void backward_rows(int width, const Real* values, const Source& source, Real* own) {
-  Four<Real> rows[Count];
+  RowRegister<Real> rows[Count];
   for (int i = 0; i < Count; ++i) rows[i] = source(i);
   values += Count * static_cast<int64_t>(width);
   for (int c = width - 1; c >= 0; --c) {
     values -= Count;
-    Four<Real> sum = get(kZeros<Real>);
+    RowRegister<Real> sum = get(kZeros<Real>);
     for (int i = 0; i < Count; ++i) sum = plus_product(sum, values + i, rows[i]);
     put(own + 4 * c, minus(get(own + 4 * c), sum));
   }
@@ -83,11 +83,11 @@ inline void backward_rows(int width, const Real* values, const Source& source, R
 /// Blocks that are computed together. Derived: their Columns × Blocks sums and the operands must
 /// fit into AVX2's 16 registers.
 template <int Columns, int Blocks>
-constexpr int kTogether = Columns == 4 && Blocks > 2 ? 2 : Blocks;
+constexpr int kBlocksAtOnce = Columns == 4 && Blocks > 2 ? 2 : Blocks;
 
 template <int Columns, int Blocks, class Target>
 inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
-  constexpr int kCount = kTogether<Columns, Blocks>;
+  constexpr int kCount = kBlocksAtOnce<Columns, Blocks>;
   for (int first = 0; first < Blocks; first += kCount) {
     __m256 sums[kCount][4];
     for (int b = 0; b < kCount; ++b)
@@ -114,7 +114,7 @@ inline void forward_blocks(int width, const float* values, const float* own, con
 
 template <int Columns, int Blocks, class Source>
 inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
-  constexpr int kCount = kTogether<Columns, Blocks>;
+  constexpr int kCount = kBlocksAtOnce<Columns, Blocks>;
   for (int first = Blocks - kCount; first >= 0; first -= kCount) {
     __m256 rows[kCount][4];
     for (int b = 0; b < kCount; ++b) {
@@ -222,16 +222,16 @@ void forward(const FactorView<Real>& factor, int first, int last, const double* 
       const Real* rows = values;
       values += kCount * j;
       j -= kCount;
-      forward_group<Columns, kCount>(j + kCount, rows, own, [&](int i, const Four<Real>& sum) {
-        put(own + 4 * (j + i), sum);
-      });
+      forward_group<Columns, kCount>(
+          j + kCount, rows, own,
+          [&](int i, const RowRegister<Real>& sum) { put(own + 4 * (j + i), sum); });
     });
 
-    const int32_t* slot = factor.slots + factor.row_begin[s];
+    const int32_t* slot = factor.slotted_rows + factor.row_begin[s];
     const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
     in_groups<kRowsBelow<Real>>(height, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
-      forward_group<Columns, kCount>(width, values, own, [&](int i, const Four<Real>& sum) {
+      forward_group<Columns, kCount>(width, values, own, [&](int i, const RowRegister<Real>& sum) {
         Real* row = x + 4 * static_cast<int64_t>(slot[i]);
         put(row, minus(get(row), sum));
       });
@@ -248,7 +248,7 @@ void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
     const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
     const Real* values = factor.values + factor.value_begin[s + 1];
     Real* own = x + 4 * static_cast<int64_t>(begin);
-    const int32_t* slot = factor.slots + factor.row_begin[s + 1];
+    const int32_t* slot = factor.slotted_rows + factor.row_begin[s + 1];
     in_groups_from_end<kRowsBelow<Real>>(height, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
       slot -= kCount;
@@ -267,7 +267,7 @@ void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
           j + kCount, values,
           [&](int i) {
             Real* row = own + 4 * (j + i);
-            const Four<Real> value = minus(get(kZeros<Real>), get(row));
+            const RowRegister<Real> value = minus(get(kZeros<Real>), get(row));
             put(row, get(kZeros<Real>));
             return value;
           },

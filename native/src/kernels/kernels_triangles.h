@@ -9,24 +9,24 @@ namespace dd {
 
 namespace {
 
-/// `Together` rows at once: independent sums hide the latency of each sum's multiply-adds.
-template <int Together>
+/// `RowsAtOnce` rows at once: independent sums hide the latency of each sum's multiply-adds.
+template <int RowsAtOnce>
 inline void blend_rows(int term_count, const double* weights, const double* coefficients,
                        const double* rest, double* out) {
 #ifdef __AVX2__
   // By intrinsics, as compilers keep an array of rows in memory.
-  __m256d sums[Together];
-  for (int r = 0; r < Together; ++r) sums[r] = _mm256_loadu_pd(rest + 4 * r);
+  __m256d sums[RowsAtOnce];
+  for (int r = 0; r < RowsAtOnce; ++r) sums[r] = _mm256_loadu_pd(rest + 4 * r);
   for (int k = 0; k < term_count; ++k) {
     const __m256d c = _mm256_loadu_pd(coefficients + 4 * k);
-    for (int r = 0; r < Together; ++r) {
+    for (int r = 0; r < RowsAtOnce; ++r) {
       const double* weight = weights + static_cast<int64_t>(r) * term_count + k;
       sums[r] = _mm256_fmadd_pd(_mm256_broadcast_sd(weight), c, sums[r]);
     }
   }
-  for (int r = 0; r < Together; ++r) _mm256_storeu_pd(out + 4 * r, sums[r]);
+  for (int r = 0; r < RowsAtOnce; ++r) _mm256_storeu_pd(out + 4 * r, sums[r]);
 #else
-  for (int r = 0; r < Together; ++r) {
+  for (int r = 0; r < RowsAtOnce; ++r) {
     Row sum = load(rest + 4 * r);
     const double* w = weights + static_cast<int64_t>(r) * term_count;
     for (int k = 0; k < term_count; ++k) add_scaled(sum, w[k], load(coefficients + 4 * k));
@@ -37,26 +37,27 @@ inline void blend_rows(int term_count, const double* weights, const double* coef
 
 void blend(int row_count, int term_count, const double* weights, const double* coefficients,
            const double* rest, double* out) {
-  constexpr int kTogether = 8;  // rows: see blend_rows()
+  constexpr int kRowsAtOnce = 8;  // rows: see blend_rows()
   int64_t r = 0;
-  for (; r + kTogether <= row_count; r += kTogether)
-    blend_rows<kTogether>(term_count, weights + r * term_count, coefficients, rest + 4 * r,
-                          out + 4 * r);
+  for (; r + kRowsAtOnce <= row_count; r += kRowsAtOnce)
+    blend_rows<kRowsAtOnce>(term_count, weights + r * term_count, coefficients, rest + 4 * r,
+                            out + 4 * r);
   for (; r < row_count; ++r)
     blend_rows<1>(term_count, weights + r * term_count, coefficients, rest + 4 * r, out + 4 * r);
 }
 
-/// Squared lengths below this count as this, in units of the triangle's |e1| at rest. Safety:
-/// the direction of a zero vector is zero, so collapsed triangles give finite values.
+/// Squares below this count as this before their root is taken: squared lengths and areas in units
+/// of the triangle's |e1| at rest, and squared lengths of quaternions. Safety: the direction of a
+/// zero vector is zero, so collapsed triangles give finite values.
 template <class Real>
-constexpr Real kTiny = static_cast<Real>(sizeof(Real) == 4 ? 1e-30 : 1e-280);
+constexpr Real kMinSquare = static_cast<Real>(sizeof(Real) == 4 ? 1e-30 : 1e-280);
 
 inline float square_root(float x) { return sqrtf(x); }
 inline double square_root(double x) { return sqrt(x); }
 
 template <class Real>
 inline Real guarded_inverse_sqrt(Real x) {
-  return 1 / square_root(x > kTiny<Real> ? x : kTiny<Real>);
+  return 1 / square_root(x > kMinSquare<Real> ? x : kMinSquare<Real>);
 }
 
 /// A value for each triangle of a block.
@@ -65,14 +66,14 @@ using Lanes = Real[kLanes];
 
 /// Two edges of each lane's triangle, from its first corner.
 template <class Real>
-struct Edges {
+struct TriangleEdges {
   Lanes<Real> first[3], second[3];
 };
 
 /// Subtracts in double whatever Real is: edges are small compared with positions.
 template <class Real>
 inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
-                         Edges<Real>& edges) {
+                         TriangleEdges<Real>& edges) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const double* p0 = positions + 4 * static_cast<int64_t>(source[0][lane]);
     const double* p1 = positions + 4 * static_cast<int64_t>(source[1][lane]);
@@ -112,7 +113,7 @@ inline void transpose_to_lanes(const __m128 (&rows)[kLanes], float (*lanes)[kLan
 }
 
 inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
-                         Edges<float>& edges) {
+                         TriangleEdges<float>& edges) {
   __m128 first[kLanes], second[kLanes];
   for (int lane = 0; lane < kLanes; ++lane) {
     const __m256d p0 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[0][lane]));
@@ -153,12 +154,13 @@ inline void scatter(const int32_t (&target)[3][kLanes], const float (&flux)[2][3
 /// A lane's triangle in the current pose: the axes t = e1/|e1|, b = n × t and n, and the upper
 /// triangular matrix [a s; 0 d] from its rest shape to its current shape in these axes.
 template <class Real>
-struct Present {
+struct CurrentTriangle {
   Real tx, ty, tz, bx, by, bz, nx, ny, nz, a, s, d;
 };
 
 template <class Real>
-inline Present<Real> present(const Edges<Real>& edges, const TriangleShape<Real>& shape, int lane) {
+inline CurrentTriangle<Real> current_triangle(const TriangleEdges<Real>& edges,
+                                              const TriangleShape<Real>& shape, int lane) {
   const Real unit = shape.inverse_length[lane];
   const Real x1 = unit * edges.first[0][lane], y1 = unit * edges.first[1][lane],
              z1 = unit * edges.first[2][lane];
@@ -194,7 +196,7 @@ void gradient_pass_as(int block_count, const TriangleBlock<Real>* blocks, const 
                       double* right_hand_side) {
   for (int b = 0; b < block_count; ++b) {
     const TriangleBlock<Real>& block = blocks[b];
-    Edges<Real> edges;
+    TriangleEdges<Real> edges;
     gather_edges(block.source, base, edges);
 
     // S_j maps the triangle's rest frame (t1, t2, n) to the current one (t1', t2', n'), the plane
@@ -202,7 +204,7 @@ void gradient_pass_as(int block_count, const TriangleBlock<Real>* blocks, const 
     // follows from that of the 2×2 matrix, in closed form, with determinant +1.
     Real flux[2][3][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Present<Real> now = present(edges, block.shape, lane);
+      const CurrentTriangle<Real> now = current_triangle(edges, block.shape, lane);
       Real a = now.a, s = now.s, d = now.d, q = 0;
       if (RotationOnly) {
         const Real cosine = a + d;
@@ -287,20 +289,20 @@ inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float
 /// Squared length of a weighted mean of unit quaternions below which their signs may disagree:
 /// close rotations with the same sign have means of length nearly 1.
 template <class Real>
-constexpr Real kShort = Real(0.8);
+constexpr Real kMinMeanSquare = Real(0.8);
 
 template <class Real>
 inline bool is_zero(const Real* row) {
   return row[0] == 0 && row[1] == 0 && row[2] == 0 && row[3] == 0;
 }
 
-/// Recomputes the sums shorter than kShort, with each quaternion's sign chosen to agree with the
-/// first non-zero one's.
+/// Recomputes the sums shorter than kMinMeanSquare, with each quaternion's sign chosen to agree
+/// with the first non-zero one's.
 template <class Real>
 void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                    const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (length[lane] >= kShort<Real>) continue;
+    if (length[lane] >= kMinMeanSquare<Real>) continue;
     // The first non-zero row: zeros, of triangles without area, have no sign.
     int k0 = 0;
     while (k0 + 1 < count && is_zero(rows + 4 * static_cast<int64_t>(index[k0][lane]))) ++k0;
@@ -331,7 +333,7 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (
     for (int c = 0; c < 4; ++c) length[lane] += lanes[c][lane] * lanes[c][lane];
     if (length[lane] < shortest) shortest = length[lane];
   }
-  if (shortest < kShort<Real>) agree_in_sign(count, index, weights, rows, lanes, length);
+  if (shortest < kMinMeanSquare<Real>) agree_in_sign(count, index, weights, rows, lanes, length);
   for (int lane = 0; lane < kLanes; ++lane) {
     const Real scale = guarded_inverse_sqrt(length[lane]);
     for (int c = 0; c < 4; ++c) lanes[c][lane] *= scale;
@@ -346,14 +348,14 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
   __m256 length = _mm256_setzero_ps();
   for (const float (&sum)[kLanes] : lanes)
     length = _mm256_fmadd_ps(_mm256_loadu_ps(sum), _mm256_loadu_ps(sum), length);
-  const __m256 is_short = _mm256_cmp_ps(length, _mm256_set1_ps(kShort<float>), _CMP_LT_OQ);
+  const __m256 is_short = _mm256_cmp_ps(length, _mm256_set1_ps(kMinMeanSquare<float>), _CMP_LT_OQ);
   if (_mm256_movemask_ps(is_short)) {
     float lengths[kLanes];
     _mm256_storeu_ps(lengths, length);
     agree_in_sign(count, index, weights, rows, lanes, lengths);
     length = _mm256_loadu_ps(lengths);
   }
-  length = _mm256_sqrt_ps(_mm256_max_ps(length, _mm256_set1_ps(kTiny<float>)));
+  length = _mm256_sqrt_ps(_mm256_max_ps(length, _mm256_set1_ps(kMinSquare<float>)));
   const __m256 scale = _mm256_div_ps(_mm256_set1_ps(1), length);
   for (float (&sum)[kLanes] : lanes)
     _mm256_storeu_ps(sum, _mm256_mul_ps(_mm256_loadu_ps(sum), scale));
@@ -361,17 +363,17 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
 #endif
 
 /// Limits below which a triangle counts as collapsed, as its rotation is rounding. With l and h the
-/// ratios, now to rest, of |e1| and of the height over it: kFlat is the least of (h/l)² and (l/h)²,
-/// kPoint of l² and h².
+/// ratios, now to rest, of |e1| and of the height over it: kMinAspectSquare bounds (h/l)² and
+/// (l/h)², kMinStretchSquare l² and h². Without a unit.
 template <class Real>
-constexpr Real kFlat = static_cast<Real>(sizeof(Real) == 4 ? 1e-10 : 1e-20);
+constexpr Real kMinAspectSquare = static_cast<Real>(sizeof(Real) == 4 ? 1e-10 : 1e-20);
 template <class Real>
-constexpr Real kPoint = Real(1e-20);
+constexpr Real kMinStretchSquare = Real(1e-20);
 
 /// Sets the rotations of collapsed triangles to zero. A loop of its own: inside rotation_pass()'s
 /// the compiler would fuse other multiply-adds there, and results would change by rounding.
 template <class Real>
-inline void clear_collapsed(const Edges<Real>& edges, const TriangleShape<Real>& shape,
+inline void clear_collapsed(const TriangleEdges<Real>& edges, const TriangleShape<Real>& shape,
                             Real (&q)[4][kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const Real unit = shape.inverse_length[lane], stretch = shape.inverse_height[lane];
@@ -382,9 +384,10 @@ inline void clear_collapsed(const Edges<Real>& edges, const TriangleShape<Real>&
     const Real cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
     const Real length = x1 * x1 + y1 * y1 + z1 * z1;
     const Real area = (cx * cx + cy * cy + cz * cz) * stretch * stretch;
-    const bool collapsed = (length < kPoint<Real>) | (area < kPoint<Real> * length) |
-                           (area < kFlat<Real> * length * length) |
-                           (length * length < kFlat<Real> * area);
+    const bool collapsed = (length < kMinStretchSquare<Real>) |
+                           (area < kMinStretchSquare<Real> * length) |
+                           (area < kMinAspectSquare<Real> * length * length) |
+                           (length * length < kMinAspectSquare<Real> * area);
     for (int c = 0; c < 4; ++c) q[c][lane] = collapsed ? Real(0) : q[c][lane];
   }
 }
@@ -394,11 +397,11 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
                    Real* quaternions) {
   for (int b = 0; b < block_count; ++b) {
     const RotationBlock<Real>& block = blocks[b];
-    Edges<Real> edges;
+    TriangleEdges<Real> edges;
     gather_edges(block.source, positions, edges);
     Real q[4][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Present<Real> now = present(edges, block.shape, lane);
+      const CurrentTriangle<Real> now = current_triangle(edges, block.shape, lane);
       // Rotates the frame within its plane by the rotation of [a s; 0 d], as gradient_pass_as().
       const Real trace = now.a + now.d;
       const Real scale = guarded_inverse_sqrt(trace * trace + now.s * now.s);
@@ -448,13 +451,13 @@ void mean_rotations(int first, int last, const int* starts, const int32_t (*inde
 }
 
 template <class Real>
-void turn_pass(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
-               double* right_hand_side) {
+void rotated_flux_pass(int block_count, const RotatedFluxBlock<Real>* blocks,
+                       const Real* quaternions, double* right_hand_side) {
   Real thirds[3][kLanes];
   for (auto& weights : thirds)
     for (Real& weight : weights) weight = Real(1) / 3;
   for (int b = 0; b < block_count; ++b) {
-    const TurnBlock<Real>& block = blocks[b];
+    const RotatedFluxBlock<Real>& block = blocks[b];
     Real q[4][kLanes];
     mean_of_rows(3, block.corner, thirds, quaternions, q);
     Real flux[2][3][kLanes];

@@ -7,11 +7,9 @@
 #include <string>
 #include <utility>
 
-#include "match/functional_map.h"
 #include "match/limb_tips.h"
+#include "match/map_search.h"
 #include "match/placement.h"
-#include "match/spectral_basis.h"
-#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "support/thread_pool.h"
 
@@ -19,238 +17,26 @@ namespace dd {
 
 namespace {
 
-// Functional maps between the lowest eigenfunctions of the Laplacians grow (ZoomOut) from kFirst to
-// kLast functions. All 2^(kFirst − 1) combinations of the first ones' signs are tried; more last
-// ones resolve more and take longer.
-constexpr int kFirst = 6, kLast = 30;
-// Least vertices of the smaller coarse shape for each function: fewer don't resolve the last ones.
-constexpr int kVerticesPerFunction = 6;
-constexpr int kSpare = 20;  // further columns of the subspace iteration, so that the last converge
-// Functions added at a time in the rough pass, which only compares maps, and in the fine one.
-constexpr int kRoughStep = 3, kFineStep = 1;
-// Samples of the rough pass. They tell only clearly different maps apart; the fine pass takes all.
-constexpr size_t kRoughSamples = 250;
-// Maps whose signs are varied: by the best map alone, two poses of a lion were laid wrongly, out of
-// 20 poses of a horse, a cat and a lion.
-constexpr size_t kCompared = 8;
-// Maps of the fine pass, without which three poses of a horse, a cat and a lion were laid wrongly.
-// It makes a match without markers half more work.
-constexpr size_t kLookedAtClosely = 6;
-// Mean distance below which two maps count as one, as a fraction of the box's diagonal.
-constexpr double kAlikeMaps = 0.05;
-// The stretch of a map (stretch_of()), 0 for an isometry. Below kConvincing, neither other signs
-// nor lying_on() are tried; below kMeaningful, the map may guide the registration.
-constexpr double kConvincing = 0.07, kMeaningful = 0.14;
+// Stretch (stretch_of()) of a functional map below which it may guide the registration.
+constexpr double kMaxGuidingStretch = 0.14;
 // Maps are ambiguous if their stretches differ by less. Tuned: rough maps of exact symmetries,
 // whose stretch should be 0, have up to half of it.
-constexpr double kAlikeStretch = 0.05;
-// A map is dropped if its kept_orientation() is less than this fraction of the largest one.
-constexpr double kReversed = 0.3;
-
-/// A candidate placement with its functional map.
-struct Start : Placement {
-  FunctionalMap map;
-  std::vector<int> rows;  // its target vertex for each source vertex, one of kRoughSamples
-  bool by_map = false;    // the similarity is fitted to the map
-  double stretch = 0, orientation = 0;
-  double score() const { return (misfit + kExact) * (stretch + kExact); }
-  double preferred() const { return Placement::preferred() * (stretch + kExact); }
-};
-
-class Aligning {
- public:
-  /// marked: pairs of vertices of the coarse shapes, from the markers.
-  Aligning(const CoarseShape& source, const CoarseShape& target,
-           std::vector<std::array<int, 2>> marked, ThreadPool& pool)
-      : source_(source), target_(target), marked_(std::move(marked)), pool_(pool) {}
-
-  /// Computes the eigenfunctions of both shapes. Returns false if a shape isn't connected or has
-  /// too few vertices.
-  bool find_functions(const Progress& progress) {
-    const int fewest = std::min(source_.mesh.vertex_count(), target_.mesh.vertex_count());
-    count_ = std::min(kLast, fewest / kVerticesPerFunction);
-    if (count_ <= kFirst || !source_.connected || !target_.connected) return false;
-    report(progress, 0, Stage::functions);
-    for (int side = 0; side < 2; ++side) {
-      const CoarseShape& shape = side == 0 ? source_ : target_;
-      std::vector<int> seeds = shape.samples;
-      seeds.resize(std::min(seeds.size(), static_cast<size_t>(count_ + kSpare)));
-      bases_[side] = spectral_basis(shape.mesh, count_, seeds, &pool_);
-    }
-    return true;
-  }
-
-  void map_all(std::vector<Start>& starts, const Progress& progress) {
-    report(progress, 0, Stage::placements);
-    map_from(starts, 0);
-    // A pose often brings the left one of two like halves to where the right one is at rest, and a
-    // map that swaps them is an isometry, too. It differs from the correct map in the signs
-    // of eigenfunctions.
-    std::vector<Start> ordered = starts;
-    std::stable_sort(ordered.begin(), ordered.end(),
-                     [](const Start& a, const Start& b) { return a.score() < b.score(); });
-    if (ordered[0].orientation > 0 && ordered[0].stretch < kConvincing) return;
-    report(progress, 0.5, Stage::sides);
-    const size_t known = starts.size();
-    for (const Start& base : differing(ordered, kCompared))
-      for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
-        starts.push_back(base);
-        Eigen::MatrixXd& matrix = starts.back().map.matrix;
-        // Moved: where an allocation fails in a copy assignment, Eigen frees twice.
-        matrix = Eigen::MatrixXd(matrix.topLeftCorner(kFirst, kFirst));
-        for (int k = 1; k < kFirst; ++k)
-          if (signs >> (k - 1) & 1) matrix.col(k) *= -1;
-      }
-    map_from(starts, known);
-  }
-
-  /// Maps starts[begin] and those after it. One that has a map already is refined from it.
-  void map_from(std::vector<Start>& starts, size_t begin) {
-    pool_.run(static_cast<int>(starts.size() - begin), [&](int i) {
-      Start& start = starts[begin + size_t(i)];
-      start.by_map = begin > 0 || start.mirrored;
-      look(start, kRoughSamples, kRoughStep);
-    });
-  }
-
-  /// The first distinct candidates, mapped from all samples, as rough maps tell only much worse
-  /// ones apart. If any map keeps the markers, only those that do. upright: upright_of(starts).
-  std::vector<Start> looked_at_closely(const std::vector<Start>& starts,
-                                       const std::vector<size_t>& upright) {
-    std::vector<Start> ordered;
-    ordered.reserve(upright.size());
-    for (const size_t i : upright) ordered.push_back(starts[i]);
-    std::vector<Start> few = differing(ordered, kLookedAtClosely);
-    pool_.run(static_cast<int>(few.size()),
-              [&](int i) { look(few[size_t(i)], source_.samples.size(), kFineStep); });
-    const auto astray = std::stable_partition(
-        few.begin(), few.end(), [&](const Start& one) { return keeps_markers(one.rows); });
-    if (astray != few.begin()) few.erase(astray, few.end());
-    return few;
-  }
-
-  /// Up to `most` candidates from the first on, each with a map that differs from those before it
-  /// (kAlikeMaps).
-  std::vector<Start> differing(const std::vector<Start>& ordered, size_t most) const {
-    std::vector<Start> few;
-    for (const Start& start : ordered) {
-      const bool known = std::any_of(few.begin(), few.end(), [&](const Start& other) {
-        return apart(start.rows, other.rows) < kAlikeMaps;
-      });
-      if (!known && few.size() < most) few.push_back(start);
-    }
-    return few;
-  }
-
-  void look(Start& start, size_t samples, int step) {
-    find_map(start, samples, step);
-    start.rows = roughly_nearest(start.map);
-    start.orientation = kept_orientation(start.rows);
-    start.as_they_stand = stands(start.rows);
-    if (start.by_map) start.similarity = fitted(start.rows);
-  }
-
-  void find_map(Start& start, size_t samples, int step) {
-    const Positions from = start.samples(source_, samples);
-    const Positions onto = rows_of(target_.mesh.positions, target_.samples, samples);
-    SampledFunctions sampled = {rows_of(bases_[0].functions, source_.samples, samples),
-                                rows_of(bases_[1].functions, target_.samples, samples),
-                                {}};
-    for (const auto& [of_source, of_target] : marked_)
-      sampled.landmarks.push_back(
-          {bases_[0].functions.row(of_source), bases_[1].functions.row(of_target)});
-    const NearestRows rows =
-        start.map.size() == 0
-            ? nearest_rows(from, onto)
-            : nearest_rows(start.map(sampled.source), sampled.target.leftCols(start.map.size()));
-    start.map = zoomed_out(sampled, rows, kFirst, count_, step);
-    start.stretch = stretch_of(start.map, bases_[0].values, bases_[1].values);
-  }
-
-  /// The corresponding vertex of each vertex of both shapes.
-  NearestRows nearest(const FunctionalMap& map) const {
-    return nearest_rows(map(bases_[0].functions), bases_[1].functions);
-  }
-
-  /// For each source vertex the target vertex with the nearest values of the eigenfunctions among
-  /// kRoughSamples samples.
-  std::vector<int> roughly_nearest(const FunctionalMap& map) const {
-    std::vector<int> rows =
-        nearest_rows(map(bases_[0].functions),
-                     rows_of(bases_[1].functions, target_.samples, kRoughSamples))
-            .of_first;
-    for (int& row : rows) row = target_.samples[size_t(row)];
-    return rows;
-  }
-
-  /// Mean distance between the images of the source's vertices by two maps, in the target's box.
-  double apart(const std::vector<int>& one, const std::vector<int>& other) const {
-    double sum = 0;
-    for (size_t i = 0; i < one.size(); ++i)
-      sum += (target_.mesh.positions.row(one[i]) - target_.mesh.positions.row(other[i])).norm();
-    return sum / static_cast<double>(one.size());
-  }
-
-  /// Whether a map takes each marker to within kElsewhere / 2 of its partner.
-  bool keeps_markers(const std::vector<int>& rows) const {
-    return std::all_of(marked_.begin(), marked_.end(), [&](const std::array<int, 2>& pair) {
-      return (target_.mesh.positions.row(rows[size_t(pair[0])]) -
-              target_.mesh.positions.row(pair[1]))
-                 .norm() < kElsewhere / 2;
-    });
-  }
-
- private:
-  Similarity fitted(const std::vector<int>& rows) const {
-    Positions onto(source_.mesh.vertex_count(), 3);
-    for (Index v = 0; v < onto.rows(); ++v)
-      onto.row(v) = target_.mesh.positions.row(rows[size_t(v)]);
-    return fitted_similarity(source_.mesh.positions, onto, Eigen::VectorXd::Ones(onto.rows()));
-  }
-
-  /// Whether the similarity fitted to a map turns the source by less than 45°.
-  bool stands(const std::vector<int>& rows) const {
-    return fitted(rows).rotation.trace() > 1 + 2 * std::sqrt(0.5);
-  }
-
-  /// In [−1, 1]: the source's area whose image keeps its orientation less that whose image is
-  /// turned over, as a fraction of the whole.
-  double kept_orientation(const std::vector<int>& rows) const {
-    double sum = 0;
-    for (int j = 0; j < source_.mesh.triangle_count(); ++j) {
-      Eigen::Matrix3d corners;
-      Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-      for (int k = 0; k < 3; ++k) {
-        const int v = rows[size_t(source_.mesh.triangles(j, k))];
-        corners.col(k) = target_.mesh.positions.row(v).transpose();
-        normal += target_.normals.row(v).transpose().normalized();
-      }
-      const double side =
-          normal.dot(edges_and_normal(corners.col(0), corners.col(1), corners.col(2)).col(2));
-      if (side != 0) sum += side > 0 ? source_.areas[j] : -source_.areas[j];
-    }
-    return sum / source_.areas.sum();
-  }
-
-  const CoarseShape &source_, &target_;
-  std::vector<std::array<int, 2>> marked_;
-  ThreadPool& pool_;
-  SpectralBasis bases_[2];
-  int count_ = 0;
-};
+constexpr double kAmbiguousStretchDifference = 0.05;
+// A map is dropped if its Candidate::orientation is less than this fraction of the largest one.
+constexpr double kMinOrientationRatio = 0.3;
 
 /// Indices of the candidates that don't turn the surface inside out, the best first; at least one.
-std::vector<size_t> upright_of(const std::vector<Start>& starts) {
+std::vector<size_t> orientation_preserving(const std::vector<Candidate>& candidates) {
   double most = 0;
-  for (const Start& start : starts) most = std::max(most, start.orientation);
-  std::vector<size_t> upright;
-  for (size_t i = 0; i < starts.size(); ++i)
-    if (starts[i].orientation >= kReversed * most) upright.push_back(i);
-  if (upright.empty()) upright.push_back(0);  // each turns over more area than it keeps
-  std::stable_sort(upright.begin(), upright.end(), [&](size_t a, size_t b) {
-    return starts[a].preferred() < starts[b].preferred();
+  for (const Candidate& candidate : candidates) most = std::max(most, candidate.orientation);
+  std::vector<size_t> preserving;
+  for (size_t i = 0; i < candidates.size(); ++i)
+    if (candidates[i].orientation >= kMinOrientationRatio * most) preserving.push_back(i);
+  if (preserving.empty()) preserving.push_back(0);  // each turns over more area than it keeps
+  std::stable_sort(preserving.begin(), preserving.end(), [&](size_t a, size_t b) {
+    return candidates[a].preferred() < candidates[b].preferred();
   });
-  return upright;
+  return preserving;
 }
 
 /// A placement of the source on the target, as a map from the source's unit box to the target's.
@@ -263,14 +49,109 @@ Similarity in_boxes(const Similarity& placement, const UnitBox (&boxes)[2]) {
 }
 
 /// The index of the best candidate. rivals: gets those that are about as good.
-size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
-  const std::vector<size_t> upright = upright_of(starts);
-  const size_t best = upright.front();
-  for (size_t i : upright)
-    if (i != best && starts[i].fits_about_as(starts[best]) &&
-        starts[i].stretch < starts[best].stretch + kAlikeStretch)
+size_t best_of(const std::vector<Candidate>& candidates, std::vector<size_t>& rivals) {
+  const std::vector<size_t> preserving = orientation_preserving(candidates);
+  const size_t best = preserving.front();
+  for (size_t i : preserving)
+    if (i != best && candidates[i].fits_about_as(candidates[best]) &&
+        candidates[i].stretch < candidates[best].stretch + kAmbiguousStretchDifference)
       rivals.push_back(i);
   return best;
+}
+
+/// The opposite of in_boxes(): the placement in the meshes' units.
+Similarity in_units(const Similarity& in_unit_boxes, const UnitBox (&boxes)[2]) {
+  Similarity placement = in_unit_boxes;
+  placement.scale = in_unit_boxes.scale * boxes[1].scale / boxes[0].scale;
+  placement.shift = boxes[1].scale * in_unit_boxes.shift + boxes[1].centre.transpose() -
+                    placement.scale * (in_unit_boxes.rotation * boxes[0].centre.transpose());
+  return placement;
+}
+
+/// Two coarse shapes to be aligned, with their markers.
+struct ShapePair {
+  ShapePair(const Mesh& source_mesh, const Mesh& target_mesh, const Pairs& markers)
+      : source(source_mesh),
+        target(target_mesh),
+        boxes{UnitBox(source_mesh.positions), UnitBox(target_mesh.positions)} {
+    const Index count = static_cast<Index>(markers.size());
+    marker_positions = {Positions(count, 3), Positions(count, 3)};
+    for (Index i = 0; i < count; ++i) {
+      const auto& [one, other] = markers[size_t(i)];
+      marker_positions.source.row(i) = boxes[0].into(source_mesh.positions.row(one));
+      marker_positions.target.row(i) = boxes[1].into(target_mesh.positions.row(other));
+      if (source.of_vertex[one] >= 0 && target.of_vertex[other] >= 0)
+        marked.push_back({source.of_vertex[one], target.of_vertex[other]});
+    }
+  }
+  CoarseShape source, target;
+  UnitBox boxes[2];
+  MarkerPositions marker_positions;
+  Pairs marked;  // vertices of the coarse shapes
+};
+
+void add_placement_candidates(const ShapePair& shapes, const MarkerPositions& marked,
+                              ThreadPool& pool, std::vector<Placement>& placements) {
+  const std::vector<Placement> more =
+      placement_candidates(shapes.source, shapes.target, marked, pool);
+  placements.insert(placements.end(), more.begin(), more.end());
+}
+
+/// The candidates whose maps are searched. placed: candidates by markers and closest points.
+std::vector<Candidate> candidates_to_map(const ShapePair& shapes,
+                                         const std::vector<Placement>& placed, ThreadPool& pool) {
+  std::vector<Placement> placements = placed;
+  if (shapes.marker_positions.source.rows() > 0) {
+    // A similarity that is fitted to the markers of posed limbs is far from each of them. So
+    // placements that ignore the markers are candidates, too, and all are compared without the
+    // markers' residuals. Only the maps that are grown from them have to keep the markers.
+    add_placement_candidates(shapes, {}, pool, placements);
+    for (Placement& placement : placements)
+      remeasure_without_markers(placement, shapes.source, shapes.target);
+  }
+  return {placements.begin(), placements.end()};
+}
+
+/// The candidates without maps: those of mirrored sources only serve to begin maps.
+std::vector<Candidate> unmirrored(const std::vector<Placement>& placed) {
+  std::vector<Candidate> candidates;
+  for (const Placement& placement : placed)
+    if (!placement.mirrored) candidates.emplace_back(placement);
+  return candidates;
+}
+
+/// A partial fit from the placements or, if there is none, of an open surface that lies on the
+/// other one by the meshes' own coordinates or by the given placement.
+std::optional<PartialFit> find_partial_fit(const ShapePair& shapes,
+                                           const std::vector<Placement>& placed,
+                                           const Similarity* given_placement, ThreadPool& pool) {
+  std::optional<PartialFit> found =
+      fit_partially(placed, shapes.source, shapes.target, shapes.marker_positions, pool);
+  const auto try_placement = [&](const Similarity& placement) {
+    const Similarity in_unit_boxes = in_boxes(placement, shapes.boxes);
+    if (!found &&
+        part_lies_on_whole(shapes.source, shapes.target, shapes.marker_positions, in_unit_boxes))
+      found = PartialFit{in_unit_boxes, false};
+  };
+  try_placement(Similarity());
+  if (given_placement && !given_placement->mirrored) try_placement(*given_placement);
+  return found;
+}
+
+/// Sets the alignment's map. target_rows: the coarse target vertex of each coarse source vertex.
+void set_map(const ShapePair& shapes, const std::vector<int>& target_rows, Alignment& alignment) {
+  for (int c : shapes.source.of_vertex) {
+    alignment.representative.push_back(c < 0 ? -1 : shapes.source.vertices[size_t(c)]);
+    alignment.map_target.push_back(c < 0 ? -1
+                                         : shapes.target.vertices[size_t(target_rows[size_t(c)])]);
+  }
+}
+
+void set_tips(const ShapePair& shapes, const Similarity& placement, Alignment& alignment) {
+  for (const auto& [one, other] :
+       paired_tips(shapes.source, shapes.target, placement, shapes.marked))
+    alignment.tips.push_back(
+        {shapes.source.vertices[size_t(one)], shapes.target.vertices[size_t(other)]});
 }
 
 }  // namespace
@@ -308,94 +189,55 @@ bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs&
 }
 
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int threads,
-                const Progress& progress, const Similarity* stance) {
+                const Progress& progress, const Similarity* given_placement) {
   report(progress, 0.01, Stage::meshes);
   const Pairs markers = checked_markers(given, source, target);
-  const CoarseShape from(source), onto(target);
-  const UnitBox boxes[2] = {UnitBox(source.positions), UnitBox(target.positions)};
-  const Index count = static_cast<Index>(markers.size());
-  MarkedPlaces places = {Positions(count, 3), Positions(count, 3)};
-  Pairs marked;
-  for (Index i = 0; i < count; ++i) {
-    const auto& [one, other] = markers[size_t(i)];
-    places.source.row(i) = boxes[0].into(source.positions.row(one));
-    places.target.row(i) = boxes[1].into(target.positions.row(other));
-    if (from.of_vertex[one] >= 0 && onto.of_vertex[other] >= 0)
-      marked.push_back({from.of_vertex[one], onto.of_vertex[other]});
-  }
+  const ShapePair shapes(source, target, markers);
+  const MarkerPositions& marker_positions = shapes.marker_positions;
   ThreadPool pool(threads);
-  Aligning aligning(from, onto, marked, pool);
-  const bool mapped = aligning.find_functions(within(progress, 0.1, 0.3));
+  MapSearch map_search(shapes.source, shapes.target, shapes.marked, pool);
+  const bool mapped = map_search.compute_bases(within(progress, 0.1, 0.3));
   report(progress, 0.3, Stage::placing);
   std::vector<Placement> placed;
-  if (places.suffice()) placed.push_back(placement_by(places, from, onto));
-  const auto add_placements = [&](std::vector<Placement>& all, const MarkedPlaces& marks) {
-    const std::vector<Placement> more = placements(from, onto, marks, pool);
-    all.insert(all.end(), more.begin(), more.end());
-  };
-  if (mapped || placed.empty()) add_placements(placed, places);
-  std::vector<Placement> begun = placed;
-  if (mapped && count > 0) {
-    // No similarity fits the markers of posed limbs. So placements without markers are candidates,
-    // too, and only their maps have to keep the markers.
-    add_placements(begun, {});
-    for (Placement& one : begun) measure_by_shape(one, from, onto);
+  if (marker_positions.suffice())
+    placed.push_back(placement_by(marker_positions, shapes.source, shapes.target));
+  if (mapped || placed.empty()) add_placement_candidates(shapes, marker_positions, pool, placed);
+
+  std::vector<Candidate> candidates;
+  if (mapped) {
+    candidates = candidates_to_map(shapes, placed, pool);
+    map_search.search_maps(candidates, within(progress, 0.5, 0.8));
+    report(progress, 0.8, Stage::map);
+    candidates = map_search.finely_mapped(candidates, orientation_preserving(candidates));
+  } else {
+    candidates = unmirrored(placed);
   }
-  std::vector<Start> starts;
-  starts.reserve(begun.size());
-  for (const Placement& one : begun) starts.push_back({one, {}, {}, false, 0, 0});
+  std::vector<size_t> rivals;
+  const Candidate& best = candidates[best_of(candidates, rivals)];
+  const double stretch = mapped ? best.stretch : kMaxGuidingStretch;
+  const bool guides = stretch < kMaxGuidingStretch;
+  std::optional<PartialFit> partial_fit;
+  if (!(stretch < kConvincingStretch))
+    partial_fit = find_partial_fit(shapes, placed, given_placement, pool);
 
   Alignment result;
-  std::vector<size_t> rivals;
-  if (mapped) aligning.map_all(starts, within(progress, 0.5, 0.8));
-  if (!mapped)  // only a map makes a placement of a mirrored candidate
-    starts.erase(std::remove_if(starts.begin(), starts.end(),
-                                [](const Start& start) { return start.mirrored; }),
-                 starts.end());
-  if (mapped) {
-    report(progress, 0.8, Stage::map);
-    starts = aligning.looked_at_closely(starts, upright_of(starts));
-  }
-  const size_t best = best_of(starts, rivals);
-  const double stretch = mapped ? starts[best].stretch : kMeaningful;
-  std::optional<Lying> lying;
-  if (!(stretch < kConvincing)) {
-    lying = lying_on(placed, from, onto, places, pool);
-    const auto stand = [&](const Similarity& in_units_of_meshes) {
-      const Similarity standing = in_boxes(in_units_of_meshes, boxes);
-      if (!lying && stands_on(from, onto, places, standing)) lying = Lying{standing, false};
-    };
-    stand(Similarity());
-    if (stance && !stance->mirrored) stand(*stance);
-  }
-  result.lies_on = lying.has_value();
-  const auto in_units = [&](const Similarity& unit) {
-    Similarity placement = unit;
-    placement.scale = unit.scale * boxes[1].scale / boxes[0].scale;
-    placement.shift = boxes[1].scale * unit.shift + boxes[1].centre.transpose() -
-                      placement.scale * (unit.rotation * boxes[0].centre.transpose());
-    return placement;
-  };
-  result.placement = in_units(lying ? lying->similarity : starts[best].similarity);
-  if (places.suffice()) result.by_markers = in_units(placed.front().similarity);
-  const bool guides = stretch < kMeaningful;
-  result.ambiguous = lying ? lying->ambiguous : !mapped && !rivals.empty();
-  if (!mapped || (lying && !guides)) return result;
-  const NearestRows rows = aligning.nearest(starts[best].map);
+  result.lies_on = partial_fit.has_value();
+  result.placement =
+      in_units(partial_fit ? partial_fit->similarity : best.similarity, shapes.boxes);
+  if (marker_positions.suffice())
+    result.by_markers = in_units(placed.front().similarity, shapes.boxes);
+  result.ambiguous = partial_fit ? partial_fit->ambiguous : !mapped && !rivals.empty();
+  if (!mapped || (partial_fit && !guides)) return result;
+  const std::vector<int> target_rows = map_search.nearest(best.map).of_first;
   for (size_t rival : rivals) {
-    const std::vector<int>& there = starts[rival].rows;
-    result.ambiguous |=
-        aligning.keeps_markers(there) && aligning.apart(rows.of_first, there) > kElsewhere;
+    const std::vector<int>& images = candidates[rival].target_of;
+    result.ambiguous |= map_search.keeps_markers(images) &&
+                        map_search.mean_distance(target_rows, images) > kElsewhereDistance;
   }
-  if (!guides) {
-    for (const auto& [one, other] : paired_tips(from, onto, starts[best].similarity, marked))
-      result.tips.push_back({from.vertices[size_t(one)], onto.vertices[size_t(other)]});
-    return result;
-  }
-  for (int c : from.of_vertex) {
-    result.centre.push_back(c < 0 ? -1 : from.vertices[size_t(c)]);
-    result.partner.push_back(c < 0 ? -1 : onto.vertices[size_t(rows.of_first[size_t(c)])]);
-  }
+  if (guides)
+    set_map(shapes, target_rows, result);
+  else
+    set_tips(shapes, best.similarity, result);
   return result;
 }
 

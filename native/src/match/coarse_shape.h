@@ -29,8 +29,8 @@ struct CoarseShape {
   bool connected;  ///< else its eigenfunctions are of no use for a map
 
  private:
-  struct Part;
-  explicit CoarseShape(Part&& part);
+  struct ContractedPart;
+  explicit CoarseShape(ContractedPart&& part);
 };
 
 /// Farthest point sampling: up to count indices, each of the point farthest from those before it,
@@ -39,9 +39,9 @@ std::vector<int> farthest_points(const Positions& positions, int count);
 
 /// The rows with the first count of the given numbers.
 template <class Rows>
-Rows rows_of(const Rows& all, const std::vector<int>& numbers, size_t count) {
-  Rows rows(static_cast<Index>(std::min(count, numbers.size())), all.cols());
-  for (Index i = 0; i < rows.rows(); ++i) rows.row(i) = all.row(numbers[size_t(i)]);
+Rows rows_of(const Rows& all, const std::vector<int>& indices, size_t count) {
+  Rows rows(static_cast<Index>(std::min(count, indices.size())), all.cols());
+  for (Index i = 0; i < rows.rows(); ++i) rows.row(i) = all.row(indices[size_t(i)]);
   return rows;
 }
 

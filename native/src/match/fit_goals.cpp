@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "match/near_pull.h"
+#include "match/robust_statistics.h"
 #include "mesh/triangles.h"
 
 namespace dd {
@@ -13,15 +13,15 @@ namespace {
 
 // Weight of a vertex without a closest point where others have one. Safety: at 0 an open sheet
 // creeps onto a border.
-constexpr double kHeldBack = 0.05;
+constexpr double kWeightWithoutGoal = 0.05;
 // Multiple of the median distance at which the weight is 1/4: with a larger one, parts without a
 // counterpart drag the rest along; with a smaller one, posed parts are left behind.
-constexpr double kOutlier = 8;
+constexpr double kOutlierMedians = 8;
 
 /// Whether a point of a triangle lies on a border.
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
   for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
-    if (point.weights[(k + 2) % 3] < 1e-9 &&
+    if (point.barycentric[(k + 2) % 3] < 1e-9 &&
         borders.half_edges[3 * static_cast<size_t>(point.triangle) + k])
       return true;
   return false;
@@ -43,16 +43,18 @@ std::vector<PointOnTriangle> nearest_points_of(const Mesh& mesh, const Positions
 
 }  // namespace
 
-Eigen::VectorXd FitGoals::nearness(const Positions& now, double least) const {
-  const Eigen::VectorXd distances = (places - now).rowwise().norm();
-  std::vector<double> known;
+Eigen::VectorXd FitGoals::robust_weights(const Positions& now, double least) const {
+  const Eigen::VectorXd distances = (positions - now).rowwise().norm();
+  std::vector<double> goal_distances;
   for (Index v = 0; v < now.rows(); ++v)
-    if (found[size_t(v)] == Found::goal) known.push_back(distances[v]);
-  if (known.empty()) return Eigen::VectorXd::Ones(now.rows());
-  const double far = std::max(kOutlier * median(std::move(known)), least);
-  Eigen::VectorXd result = Eigen::VectorXd::Constant(now.rows(), kHeldBack);
+    if (found[size_t(v)] == Found::goal) goal_distances.push_back(distances[v]);
+  if (goal_distances.empty()) return Eigen::VectorXd::Ones(now.rows());
+  const double quarter_distance =
+      std::max(kOutlierMedians * median(std::move(goal_distances)), least);
+  Eigen::VectorXd result = Eigen::VectorXd::Constant(now.rows(), kWeightWithoutGoal);
   for (Index v = 0; v < now.rows(); ++v)
-    if (found[size_t(v)] != Found::none) result[v] = near_pull(distances[v] / far);
+    if (found[size_t(v)] != Found::none)
+      result[v] = geman_mcclure_weight(distances[v] / quarter_distance);
   return result;
 }
 
@@ -79,7 +81,7 @@ FitGoals GoalFinder::nearest(const Mesh& now, const Positions& normals) const {
     if (points[v].triangle < 0) continue;
     const bool beyond = at_border(target_borders_, points[v]) && !source_borders_.vertices[v];
     result.found[v] = beyond ? FitGoals::Found::border : FitGoals::Found::goal;
-    if (!beyond) result.places.row(Index(v)) = points[v].place.transpose();
+    if (!beyond) result.positions.row(Index(v)) = points[v].position.transpose();
   }
   return result;
 }
@@ -90,7 +92,7 @@ FitGoals GoalFinder::both_ways(const Mesh& now) const {
   const std::vector<PointOnTriangle> points =
       nearest_points_of(target_, target_normals_, AabbTree(now),
                         PartPairs(target_, target_parts_, now, source_parts_), reach_, pool_);
-  Positions ways = Positions::Zero(now.vertex_count(), 3);
+  Positions offset_sums = Positions::Zero(now.vertex_count(), 3);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(now.vertex_count());
   for (size_t v = 0; v < points.size(); ++v) {
     const PointOnTriangle& there = points[v];
@@ -99,18 +101,20 @@ FitGoals GoalFinder::both_ways(const Mesh& now) const {
     const double area = target_normals_.row(Index(v)).norm();
     for (int k = 0; k < 3; ++k) {
       const int corner = now.triangles(there.triangle, k);
-      const double weight = area * std::max(there.weights[size_t(k)], 0.0);
+      const double weight = area * std::max(there.barycentric[size_t(k)], 0.0);
       weights[corner] += weight;
-      ways.row(corner) += weight * (target_.positions.row(Index(v)) - there.place.transpose());
+      offset_sums.row(corner) +=
+          weight * (target_.positions.row(Index(v)) - there.position.transpose());
     }
   }
   for (int v = 0; v < now.vertex_count(); ++v) {
-    const double share = std::min(1.0, weights[v] / std::max(normals.row(v).norm(), 1e-300));
-    if (!(share > 0)) continue;
+    const double reverse_weight =
+        std::min(1.0, weights[v] / std::max(normals.row(v).norm(), 1e-300));
+    if (!(reverse_weight > 0)) continue;
     const double own = result.found[size_t(v)] == FitGoals::Found::goal ? 1 : 0;
-    const Eigen::RowVector3d way =
-        own * (result.places.row(v) - now.positions.row(v)) + share / weights[v] * ways.row(v);
-    result.places.row(v) = now.positions.row(v) + way / (own + share);
+    const Eigen::RowVector3d offset = own * (result.positions.row(v) - now.positions.row(v)) +
+                                      reverse_weight / weights[v] * offset_sums.row(v);
+    result.positions.row(v) = now.positions.row(v) + offset / (own + reverse_weight);
     result.found[size_t(v)] = FitGoals::Found::goal;
   }
   return result;

@@ -16,14 +16,14 @@ struct FitGoals {
   /// so the vertex has no counterpart.
   enum class Found : char { none, border, goal };
 
-  Positions places;  ///< c_i of each vertex; its own position where found is not goal
+  Positions positions;  ///< c_i of each vertex; its own position where found is not goal
   std::vector<Found> found;
 
   /// The weight of each vertex' attraction, by the robust error of Geman and McClure: 1 at its
   /// goal, 1/4 at the larger of eight times the median distance to a goal and the distance `least`.
   /// A vertex without a closest point gets a small weight that holds it where it is; one whose
   /// closest point is on a border gets 1.
-  Eigen::VectorXd nearness(const Positions& now, double least) const;
+  Eigen::VectorXd robust_weights(const Positions& now, double least) const;
 };
 
 /// Finds the closest points on a target: within reach, with a normal less than 90° off, and on a

@@ -9,8 +9,10 @@ namespace dd {
 
 namespace {
 
-constexpr Index kBlock = 64;        // rows of distances computed by one product: bounds its memory
-constexpr double kLandmark = 0.05;  // weight of a landmark, as a fraction of all samples' together
+constexpr Index kRowsPerProduct =
+    64;  // rows of distances computed by one product: bounds its memory
+constexpr double kLandmarkWeight =
+    0.05;  // weight of a landmark, as a fraction of all samples' together
 // Added to the normal matrix' diagonal, as a fraction of the number of samples, which is about its
 // size. Safety: functions that the samples don't determine would make it singular.
 constexpr double kRidge = 1e-6;
@@ -30,11 +32,11 @@ FunctionalMap fitted_map(const SampledFunctions& samples, const NearestRows& row
   // Fits target · matrix ≈ source: functions go from target to source, points by its transpose.
   Eigen::MatrixXd normal = target.transpose() * target;
   Eigen::MatrixXd right = target.transpose() * source;
-  const double weight = kLandmark * static_cast<double>(from + to);
+  const double weight = kLandmarkWeight * static_cast<double>(from + to);
   for (const auto& [of_source, of_target] : samples.landmarks) {
-    const Eigen::VectorXd there = of_source.head(size), here = of_target.head(size);
-    normal += weight * here * here.transpose();
-    right += weight * here * there.transpose();
+    const Eigen::VectorXd there = of_source.head(size), target_values_there = of_target.head(size);
+    normal += weight * target_values_there * target_values_there.transpose();
+    right += weight * target_values_there * there.transpose();
   }
   normal.diagonal().array() += kRidge * static_cast<double>(from + to);
   return {Eigen::LDLT<Eigen::MatrixXd>(normal).solve(right)};
@@ -49,8 +51,8 @@ NearestRows nearest_rows(const RowMatrix& first, const RowMatrix& second) {
   const Eigen::RowVectorXd squares = second.rowwise().squaredNorm().transpose();
   Eigen::RowVectorXd least =
       Eigen::RowVectorXd::Constant(second.rows(), std::numeric_limits<double>::infinity());
-  for (Index begin = 0; begin < first.rows(); begin += kBlock) {
-    const Index count = std::min(kBlock, first.rows() - begin);
+  for (Index begin = 0; begin < first.rows(); begin += kRowsPerProduct) {
+    const Index count = std::min(kRowsPerProduct, first.rows() - begin);
     RowMatrix distances = -2 * first.middleRows(begin, count) * second.transpose();
     distances.rowwise() += squares;
     for (Index i = 0; i < count; ++i) {
@@ -88,8 +90,8 @@ double stretch_of(const FunctionalMap& map, const Eigen::VectorXd& source_values
   double square = 0;
   for (int i = 0; i < size; ++i)
     for (int j = 0; j < size; ++j) {
-      const double apart = target_values[i] - source_values[j];
-      square += apart * apart * map.matrix(i, j) * map.matrix(i, j);
+      const double difference = target_values[i] - source_values[j];
+      square += difference * difference * map.matrix(i, j) * map.matrix(i, j);
     }
   const double most = std::max(source_values[size - 1], target_values[size - 1]);
   return std::sqrt(square) / (map.matrix.norm() * most);

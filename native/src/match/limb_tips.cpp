@@ -13,19 +13,19 @@ namespace dd {
 namespace {
 
 // Samples that mean distances are taken to: one fast marching each.
-constexpr size_t kTipSamples = 30;
+constexpr size_t kDistanceSamples = 30;
 // Least distance between tips, and of a tip from a marker, as a fraction of the largest distance.
-constexpr double kTipsApart = 0.08;
+constexpr double kMinTipDistance = 0.08;
 // Least ratio of a tip's mean distance to that of the innermost vertex.
-constexpr double kStandsOut = 1.25;
-constexpr size_t kMostTips = 8;  // bounds the search for the best pairing: at most 8! of them
+constexpr double kMinTipRatio = 1.25;
+constexpr size_t kMaxTips = 8;  // bounds the search for the best pairing: at most 8! of them
 // From more markers on, these constrain a fit better than tips; each costs a fast marching, too.
-constexpr size_t kEnoughMarked = 40;
+constexpr size_t kMaxMarked = 40;
 // Fewest points that tell left from right: three are coplanar.
-constexpr int kFewestPoints = 4;
+constexpr int kMinPairedPoints = 4;
 // Added to distances before logarithms are taken, as a fraction of the largest one: bounds the cost
 // of points that coincide on one shape only.
-constexpr double kAsNothing = 0.05;
+constexpr double kLogOffset = 0.05;
 
 std::vector<double> distances_over(const Mesh& mesh, int vertex,
                                    double farthest = std::numeric_limits<double>::infinity()) {
@@ -36,39 +36,42 @@ std::vector<double> distances_over(const Mesh& mesh, int vertex,
 
 /// The points of a shape that are paired: its tips, then its marked vertices.
 struct TipPoints {
-  TipPoints(const CoarseShape& shape, const std::vector<int>& marked) : count(0) {
-    std::vector<std::vector<double>> away;
-    away.reserve(marked.size());
-    for (int v : marked) away.push_back(distances_over(shape.mesh, v));
+  TipPoints(const CoarseShape& shape, const std::vector<int>& marked) : tip_count(0) {
+    std::vector<std::vector<double>> marker_distances;
+    marker_distances.reserve(marked.size());
+    for (int v : marked) marker_distances.push_back(distances_over(shape.mesh, v));
     std::vector<int> tips = limb_tips(shape.mesh, shape.samples);
     double farthest = 0;
-    for (const std::vector<double>& each : away)
+    for (const std::vector<double>& each : marker_distances)
       farthest = std::max(farthest, *std::max_element(each.begin(), each.end()));
     const auto is_marked = [&](int tip) {
-      return std::any_of(away.begin(), away.end(), [&](const std::vector<double>& each) {
-        return each[size_t(tip)] < kTipsApart * farthest;
-      });
+      return std::any_of(marker_distances.begin(), marker_distances.end(),
+                         [&](const std::vector<double>& each) {
+                           return each[size_t(tip)] < kMinTipDistance * farthest;
+                         });
     };
     tips.erase(std::remove_if(tips.begin(), tips.end(), is_marked), tips.end());
-    count = static_cast<int>(tips.size());
+    tip_count = static_cast<int>(tips.size());
     vertices = std::move(tips);
     vertices.insert(vertices.end(), marked.begin(), marked.end());
     const Index all = static_cast<Index>(vertices.size());
-    places = rows_of(shape.mesh.positions, vertices, vertices.size());
-    apart.resize(all, all);
+    positions = rows_of(shape.mesh.positions, vertices, vertices.size());
+    log_distances.resize(all, all);
     for (Index i = 0; i < all; ++i) {
-      const std::vector<double> from =
-          i < count ? distances_over(shape.mesh, vertices[size_t(i)]) : away[size_t(i - count)];
-      for (Index j = 0; j < all; ++j) apart(i, j) = from[size_t(vertices[size_t(j)])];
+      const std::vector<double> from = i < tip_count
+                                           ? distances_over(shape.mesh, vertices[size_t(i)])
+                                           : marker_distances[size_t(i - tip_count)];
+      for (Index j = 0; j < all; ++j) log_distances(i, j) = from[size_t(vertices[size_t(j)])];
     }
     // Differences of logarithms compare ratios, so that longer limbs cost little.
-    if (all > 0) apart = (apart.array() / apart.maxCoeff() + kAsNothing).log();
+    if (all > 0)
+      log_distances = (log_distances.array() / log_distances.maxCoeff() + kLogOffset).log();
   }
 
   std::vector<int> vertices;
-  int count;  // of tips
-  Positions places;
-  Eigen::MatrixXd apart;
+  int tip_count;
+  Positions positions;
+  Eigen::MatrixXd log_distances;
 };
 
 /// Branch and bound over all pairings of each tip of one shape with another one of the other.
@@ -77,9 +80,9 @@ class TipPairing {
   TipPairing(const TipPoints& few, const TipPoints& many, const Positions& placed_few,
              const Positions& placed_many)
       : few_(few), many_(many), placed_few_(placed_few), placed_many_(placed_many) {
-    const int marked = static_cast<int>(few.vertices.size()) - few.count;
-    for (int k = 0; k < marked; ++k) chosen_.push_back({few.count + k, many.count + k});
-    taken_.assign(static_cast<size_t>(many.count), 0);
+    const int marked = static_cast<int>(few.vertices.size()) - few.tip_count;
+    for (int k = 0; k < marked; ++k) chosen_.push_back({few.tip_count + k, many.tip_count + k});
+    is_paired_.assign(static_cast<size_t>(many.tip_count), 0);
     double sum = 0;
     for (size_t k = 0; k < chosen_.size(); ++k) sum += difference(chosen_[k], k);
     const size_t all = few.vertices.size();
@@ -94,40 +97,41 @@ class TipPairing {
   double difference(const std::array<int, 2>& pair, size_t first) const {
     double sum = 0;
     for (size_t k = 0; k < first; ++k)
-      sum += std::abs(few_.apart(pair[0], chosen_[k][0]) - many_.apart(pair[1], chosen_[k][1]));
+      sum += std::abs(few_.log_distances(pair[0], chosen_[k][0]) -
+                      many_.log_distances(pair[1], chosen_[k][1]));
     return sum;
   }
 
-  void choose(int tip, double difference_so_far, double way_so_far) {
-    const double cost = difference_so_far / pairs_ + way_so_far / few_.count;
-    if (cost >= least_) return;
-    if (tip == few_.count) {
-      const double whole = cost + misfit();
-      if (whole >= least_) return;
-      least_ = whole;
+  void choose(int tip, double difference_so_far, double distance_so_far) {
+    const double cost = difference_so_far / pairs_ + distance_so_far / few_.tip_count;
+    if (cost >= least_cost_) return;
+    if (tip == few_.tip_count) {
+      const double whole = cost + similarity_residual();
+      if (whole >= least_cost_) return;
+      least_cost_ = whole;
       best_ = chosen_;
       return;
     }
-    for (int other = 0; other < many_.count; ++other) {
-      if (taken_[size_t(other)]) continue;
+    for (int other = 0; other < many_.tip_count; ++other) {
+      if (is_paired_[size_t(other)]) continue;
       const std::array<int, 2> pair = {tip, other};
       const double more = difference(pair, chosen_.size());
-      const double way = (placed_few_.row(tip) - placed_many_.row(other)).norm();
-      taken_[size_t(other)] = 1;
+      const double distance = (placed_few_.row(tip) - placed_many_.row(other)).norm();
+      is_paired_[size_t(other)] = 1;
       chosen_.push_back(pair);
-      choose(tip + 1, difference_so_far + more, way_so_far + way);
+      choose(tip + 1, difference_so_far + more, distance_so_far + distance);
       chosen_.pop_back();
-      taken_[size_t(other)] = 0;
+      is_paired_[size_t(other)] = 0;
     }
   }
 
   /// The mean residual of the similarity that fits the chosen pairs best.
-  double misfit() const {
+  double similarity_residual() const {
     const Index count = static_cast<Index>(chosen_.size());
     Positions from(count, 3), to(count, 3);
     for (Index k = 0; k < count; ++k) {
-      from.row(k) = few_.places.row(chosen_[size_t(k)][0]);
-      to.row(k) = many_.places.row(chosen_[size_t(k)][1]);
+      from.row(k) = few_.positions.row(chosen_[size_t(k)][0]);
+      to.row(k) = many_.positions.row(chosen_[size_t(k)][1]);
     }
     const Similarity fit = fitted_similarity(from, to, Eigen::VectorXd::Ones(count));
     return (fit.all(from) - to).rowwise().norm().mean();
@@ -136,14 +140,14 @@ class TipPairing {
   const TipPoints &few_, &many_;
   const Positions &placed_few_, &placed_many_;
   Pairs chosen_, best_;
-  std::vector<char> taken_;
-  double pairs_ = 0, least_ = 1e300;
+  std::vector<char> is_paired_;
+  double pairs_ = 0, least_cost_ = 1e300;
 };
 
 }  // namespace
 
 std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
-  const size_t count = std::min(kTipSamples, samples.size());
+  const size_t count = std::min(kDistanceSamples, samples.size());
   std::vector<double> sum(static_cast<size_t>(mesh.vertex_count()), 0.0);
   double farthest = 0;
   for (size_t k = 0; k < count; ++k) {
@@ -156,17 +160,17 @@ std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return sum[size_t(a)] > sum[size_t(b)]; });
   // By descending sum: a vertex close to one with a larger sum is no tip.
-  std::vector<char> passed(sum.size(), 0);
+  std::vector<char> excluded(sum.size(), 0);
   std::vector<int> tips;
   for (int v : order) {
-    if (tips.size() == kMostTips || sum[size_t(v)] < kStandsOut * sum[size_t(order.back())]) break;
-    if (passed[size_t(v)]) continue;
-    const std::vector<double> about = distances_over(mesh, v, kTipsApart * farthest);
+    if (tips.size() == kMaxTips || sum[size_t(v)] < kMinTipRatio * sum[size_t(order.back())]) break;
+    if (excluded[size_t(v)]) continue;
+    const std::vector<double> nearby = distances_over(mesh, v, kMinTipDistance * farthest);
     bool highest = true;
     for (size_t w = 0; w < sum.size(); ++w) {
-      if (!(about[w] < kTipsApart * farthest)) continue;
+      if (!(nearby[w] < kMinTipDistance * farthest)) continue;
       highest &= sum[w] <= sum[size_t(v)];
-      if (sum[w] <= sum[size_t(v)]) passed[w] = 1;
+      if (sum[w] <= sum[size_t(v)]) excluded[w] = 1;
     }
     if (highest) tips.push_back(v);
   }
@@ -175,18 +179,18 @@ std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
 
 Pairs paired_tips(const CoarseShape& source, const CoarseShape& target, const Similarity& placement,
                   const Pairs& marked) {
-  if (marked.size() > kEnoughMarked) return {};
+  if (marked.size() > kMaxMarked) return {};
   std::vector<int> marks[2];
   for (const auto& pair : marked)
     for (int side = 0; side < 2; ++side) marks[side].push_back(pair[size_t(side)]);
   const TipPoints points[2] = {TipPoints(source, marks[0]), TipPoints(target, marks[1])};
-  const int few = points[0].count <= points[1].count ? 0 : 1;
-  if (points[few].count == 0 || points[few].places.rows() < kFewestPoints) return {};
-  const Positions placed[2] = {placement.all(points[0].places), points[1].places};
+  const int few = points[0].tip_count <= points[1].tip_count ? 0 : 1;
+  if (points[few].tip_count == 0 || points[few].positions.rows() < kMinPairedPoints) return {};
+  const Positions placed[2] = {placement.all(points[0].positions), points[1].positions};
   const TipPairing pairing(points[few], points[1 - few], placed[few], placed[1 - few]);
   Pairs result;
   for (const std::array<int, 2>& pair : pairing.best()) {
-    if (pair[0] >= points[few].count) continue;  // marked
+    if (pair[0] >= points[few].tip_count) continue;  // marked
     std::array<int, 2> found;
     found[size_t(few)] = points[few].vertices[size_t(pair[0])];
     found[size_t(1 - few)] = points[1 - few].vertices[size_t(pair[1])];

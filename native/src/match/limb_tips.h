@@ -15,14 +15,15 @@ namespace dd {
 std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples);
 
 /// Pairs of corresponding tips, as many as the shape with fewer tips has. Of all pairings the one
-/// of least cost, the sum of three terms, each a mean over pairs:
-///   1. the difference of the logarithms of geodesic distances between tips, which are measured as
-///      fractions of the largest one, so that longer limbs cost little;
-///   2. the residual of the similarity that fits the tips best, which tells left from right;
-///   3. the distance between partners after the placement.
-/// Lengths are in boxes of diagonal 1. None where tips and markers together are fewer than four
-/// pairs, or where more than forty pairs are marked.
-/// marked: pairs of vertices known to correspond; tips beside these are left out.
+/// of least cost, the sum of three terms. Marked pairs count in the first two like pairs of tips:
+///   1. the mean over any two pairs of the difference of the logarithms of their geodesic distances
+///      on either shape, as fractions of the largest one, so that longer limbs cost little;
+///   2. the mean over all pairs of the residual of the similarity that fits them best, which tells
+///      left from right;
+///   3. the mean over pairs of tips alone of the distance between partners after the placement.
+/// Lengths in 2 and 3 are in boxes of diagonal 1. None where tips and markers together are fewer
+/// than four pairs, or where more than forty pairs are marked. marked: pairs of vertices known to
+/// correspond; tips beside these are left out.
 Pairs paired_tips(const CoarseShape& source, const CoarseShape& target, const Similarity& placement,
                   const Pairs& marked);
 

@@ -41,10 +41,11 @@ class PartPairs {
 
  private:
   const Triangles& triangles_;  // of the other mesh
-  const std::vector<int>&own_, &others_;
-  int count_;  // of the other mesh's parts
-  double near_;
-  std::vector<char> may_;  // row by row, for each part each one of the other mesh; empty: all
+  const std::vector<int>&part_of_vertex_, &part_of_other_vertex_;
+  int other_part_count_;  // of the other mesh's parts
+  double preferred_distance_;
+  std::vector<char>
+      may_correspond_;  // row by row, for each part each one of the other mesh; empty: all
 };
 
 }  // namespace dd

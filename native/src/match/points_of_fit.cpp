@@ -7,7 +7,7 @@ namespace dd {
 
 std::vector<PointOnTriangle> points_of_fit(const Mesh& fitted, const Mesh& target,
                                            const Correspondence& correspondence, ThreadPool& pool) {
-  const Fans fans(target.triangles, target.vertex_count());
+  const VertexTriangles fans(target.triangles, target.vertex_count());
   const SurfaceWalk walk(fitted);
   std::vector<PointOnTriangle> points(static_cast<size_t>(target.vertex_count()));
   pool.parallel_for(target.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {

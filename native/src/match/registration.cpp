@@ -24,19 +24,19 @@ namespace {
 
 // The weight that holds a vertex where it is, as a fraction of its diagonal entry of the energy.
 // Safety: the system of a component that nothing attracts would be singular.
-constexpr double kAnchoring = 1e-9;
-// A stage lets deformations of a wavelength and longer follow the closest points. The wavelengths
-// shorten from the first stage to the last, as fractions of the target box's diagonal:
-constexpr double kLongestWave = 1;          // first stage: the whole box
-constexpr double kLongestAfterGuide = 0.5;  // first stage after one that followed the alignment
-constexpr double kGuided = 0.4;             // the stage that follows the alignment's map
-constexpr double kBothWays = 0.1;           // longer ones use closest points of source and target
-constexpr double kTipsHeld = 0.1;    // longer ones hold paired tips of limbs at their partners
-constexpr double kShortestWave = 4;  // last stage, in mean edge lengths of the source
+constexpr double kAnchoringFraction = 1e-9;
+// λ of the stages, from which w_C follows: a stage with a shorter one lets shorter deformations
+// follow the closest points (registration.h). As fractions of the target box's diagonal:
+constexpr double kFirstWave = 1;            // of the first stage
+constexpr double kFirstWaveAfterMap = 0.5;  // of the first stage after one that followed the map
+constexpr double kMapWave = 0.4;            // of the stage that follows the alignment's map
+constexpr double kMinWaveBothWays = 0.1;    // longer ones use closest points of source and target
+constexpr double kMinWaveTipsHeld = 0.1;    // longer ones hold paired tips of limbs in place
+constexpr double kLastWaveEdges = 4;        // of the last stage, in mean edge lengths of the source
 // The fit led by the map is taken if it stretches the source less than the other fit or, on shapes
 // that lie on one another, less than this many times as much: there closest points leave posed
 // limbs behind unstretched.
-constexpr double kWorthGuiding = 2;
+constexpr double kMaxStretchRatioOfGuided = 2;
 
 /// What leads the first stage of a fit, before those by closest points.
 enum class Lead { nothing, markers, tips, map };
@@ -50,64 +50,65 @@ class Registration {
         pool_(options.threads),
         target_(target),
         finder_(source, target, options.reach, pool_),
-        start_(source),
+        initial_mesh_(source),
         now_(source) {
     const std::vector<int> usable = usable_triangles(source);
     tets_ = with_fourth_points(source, usable);
     unknowns_ = tets_.positions;
     find_region(source.vertex_count(), markers);
-    first_ = unknowns_;
+    initial_unknowns_ = unknowns_;
     build_energy(source, usable);
-    edge_ = mean_edge_length(source.positions, source.triangles);
+    edge_length_ = mean_edge_length(source.positions, source.triangles);
   }
 
-  /// Sets the goals of run_guided(), in the unit box. centres: for each vertex, the one by whose
-  /// displacement it is displaced; places: where each of those goes.
-  void guide(std::vector<int> centres, Positions places) {
-    centres_ = std::move(centres);
-    places_ = std::move(places);
+  /// Sets the goals of run_guided(). representatives: for each vertex, the one by whose
+  /// displacement it is displaced. goals: where each of those goes, in the unit box.
+  void set_guide(std::vector<int> representatives, Positions goals) {
+    representatives_ = std::move(representatives);
+    representative_goals_ = std::move(goals);
   }
 
-  /// Sets vertices of the source that are held at vertices of the target while waves are long.
-  void hold(Pairs tips) { tips_ = std::move(tips); }
+  /// Sets vertices of the source that are held at vertices of the target while λ is long.
+  void set_held_tips(Pairs tips) { held_tips_ = std::move(tips); }
 
   /// Resets all positions to those at the beginning.
-  void begin_again() {
-    unknowns_ = first_;
-    now_.positions = start_.positions;
+  void reset() {
+    unknowns_ = initial_unknowns_;
+    now_.positions = initial_mesh_.positions;
   }
 
   /// A stage without closest points: only the markers and the held tips attract.
   void run_marked(const Progress& progress) {
-    pulls_.setZero(vertex_count_);
-    Positions wanted = now_.positions;
-    hold_tips(kLongestWave, wanted);
+    closeness_weights_.setZero(vertex_count_);
+    Positions goals = now_.positions;
+    hold_tips(kFirstWave, goals);
     factor(progress);
     report(progress, 0.5, Stage::fitting);
-    solve(wanted);
+    solve(goals);
   }
 
-  /// One stage: waves of this length and longer follow the target. by_near: w_C falls with the
-  /// distance to the closest point, as a distant vertex may have no counterpart
-  /// (FitGoals::nearness()). both_ways: by GoalFinder::both_ways().
-  void run(double wave, bool by_near, bool both_ways, const Progress& progress) {
+  /// One stage with λ = wave. robust: w_C falls with the distance to the closest point, as a
+  /// distant vertex may have no counterpart (FitGoals::robust_weights()). both_ways: by
+  /// GoalFinder::both_ways().
+  void run(double wave, bool robust, bool both_ways, const Progress& progress) {
     const auto goals = [&] { return both_ways ? finder_.both_ways(now_) : finder_.nearest(now_); };
     FitGoals found = goals();
-    pulls_.setConstant(vertex_count_, pull_of(wave));
-    if (by_near) pulls_.array() *= found.nearness(now_.positions, edge_ / 2).array();
-    hold_tips(wave, found.places);
+    closeness_weights_.setConstant(vertex_count_, closeness_weight(wave));
+    if (robust)
+      closeness_weights_.array() *= found.robust_weights(now_.positions, edge_length_ / 2).array();
+    hold_tips(wave, found.positions);
     factor(progress);
     for (int round = 0; round < options_.rounds; ++round) {
       report(progress, 0.5 + 0.5 * round / options_.rounds, Stage::fitting);
       if (round > 0) found = goals();
-      hold_tips(wave, found.places);
-      solve(found.places);
+      hold_tips(wave, found.positions);
+      solve(found.positions);
     }
   }
 
-  /// A stage before all others, by the goals of guide().
+  /// A stage before all others, by the goals of set_guide().
   void run_guided(const Progress& progress) {
-    pulls_.setConstant(vertex_count_, pull_of(kGuided));
+    closeness_weights_.setConstant(vertex_count_, closeness_weight(kMapWave));
     factor(progress);
     report(progress, 0.5, Stage::fitting);
     solve(guided_goals());
@@ -115,7 +116,7 @@ class Registration {
 
   const Positions& positions() const { return now_.positions; }
   /// Mean length of the source's edges.
-  double edge() const { return edge_; }
+  double edge_length() const { return edge_length_; }
 
  private:
   static std::vector<int> usable_triangles(const Mesh& mesh) {
@@ -136,14 +137,14 @@ class Registration {
       roles[from] = kFixed;
       unknowns_.row(from) = target_.positions.row(to);
     }
-    region_ = region_of(std::move(roles), 0);
+    region_ = region_of_roles(std::move(roles), 0);
     vertex_count_ = vertex_count;
   }
 
   void build_energy(const Mesh& source, const std::vector<int>& usable) {
     const Index m = static_cast<Index>(usable.size());
-    std::vector<int> number(static_cast<size_t>(source.triangle_count()), -1);
-    for (Index i = 0; i < m; ++i) number[usable[size_t(i)]] = static_cast<int>(i);
+    std::vector<int> usable_index(static_cast<size_t>(source.triangle_count()), -1);
+    for (Index i = 0; i < m; ++i) usable_index[usable[size_t(i)]] = static_cast<int>(i);
     std::vector<Eigen::Triplet<double>> entries;
     const auto add = [&](int a, int b, double value) {
       for (int c = 0; c < 3; ++c) entries.emplace_back(3 * a + c, 3 * b + c, value);
@@ -152,7 +153,7 @@ class Registration {
     for (int edge = 0; edge < edges.count(); ++edge) {
       const Edges::Range sides = edges.of(edge);
       for (const Edges::HalfEdge* side = sides.begin() + 1; side < sides.end(); ++side) {
-        const int a = number[(side - 1)->triangle()], b = number[side->triangle()];
+        const int a = usable_index[(side - 1)->triangle()], b = usable_index[side->triangle()];
         if (a < 0 || b < 0) continue;
         for (int own : {a, b}) add(own, own, options_.smoothness);
         add(a, b, -options_.smoothness);
@@ -169,14 +170,14 @@ class Registration {
     block_ = free_block(energy_, region_);
     // Relative to each row's own diagonal entry: that of specks is large beside any w_C, so an
     // absolute weight would be lost there.
-    anchoring_ = kAnchoring * block_.diagonal();
+    anchoring_ = kAnchoringFraction * block_.diagonal();
   }
 
   void factor(const Progress& progress) {
     SparseMatrix block = block_;
     for (int r = 0; r < region_.free_count(); ++r) {
       const int v = region_.free[r];
-      block.coeffRef(r, r) += anchoring_[r] + (v < vertex_count_ ? pulls_[v] : 0);
+      block.coeffRef(r, r) += anchoring_[r] + (v < vertex_count_ ? closeness_weights_[v] : 0);
     }
     BlockOptions how;
     how.pool = &pool_;
@@ -193,37 +194,41 @@ class Registration {
     symbolic_ = factor_->shared_symbolic();
   }
 
-  void solve(const Positions& wanted) {
+  void solve(const Positions& goals) {
     Positions held = unknowns_;
     for (int v : region_.free) held.row(v).setZero();
     RowMatrix right = to_identity_ - energy_ * held;
     for (int r = 0; r < region_.free_count(); ++r)
       right.row(region_.free[r]) += anchoring_[r] * unknowns_.row(region_.free[r]);
-    for (Index v = 0; v < wanted.rows(); ++v) right.row(v) += pulls_[v] * wanted.row(v);
+    for (Index v = 0; v < goals.rows(); ++v) right.row(v) += closeness_weights_[v] * goals.row(v);
     const RowMatrix solved = factor_->solve(free_rows(right, region_), &pool_);
     for (int r = 0; r < region_.free_count(); ++r) unknowns_.row(region_.free[r]) = solved.row(r);
     now_.positions = unknowns_.topRows(vertex_count_);
   }
 
-  double pull_of(double wave) const {
+  /// w_C. λ: wave.
+  double closeness_weight(double wave) const {
     const double two_pi = 2 * kPi;
-    return std::pow(edge_ * two_pi * two_pi / (wave * wave), 2) / (edge_ * edge_);
+    return std::pow(edge_length_ * two_pi * two_pi / (wave * wave), 2) /
+           (edge_length_ * edge_length_);
   }
 
-  void hold_tips(double wave, Positions& wanted) {
-    if (wave < kTipsHeld) return;
-    for (const auto& [tip, partner] : tips_) {
-      pulls_[tip] = pull_of(kShortestWave * edge_);
-      wanted.row(tip) = target_.positions.row(partner);
+  void hold_tips(double wave, Positions& goals) {
+    if (wave < kMinWaveTipsHeld) return;
+    for (const auto& [tip, target_vertex] : held_tips_) {
+      closeness_weights_[tip] = closeness_weight(kLastWaveEdges * edge_length_);
+      goals.row(tip) = target_.positions.row(target_vertex);
     }
   }
 
-  /// Each vertex is displaced as its centre is.
+  /// Each vertex is displaced as its representative is.
   Positions guided_goals() const {
     Positions result = now_.positions;
     for (Index v = 0; v < vertex_count_; ++v) {
-      const int centre = centres_[size_t(v)];
-      if (centre >= 0) result.row(v) += places_.row(centre) - now_.positions.row(centre);
+      const int representative = representatives_[size_t(v)];
+      if (representative >= 0)
+        result.row(v) +=
+            representative_goals_.row(representative) - now_.positions.row(representative);
     }
     return result;
   }
@@ -232,16 +237,16 @@ class Registration {
   ThreadPool pool_;
   const Mesh& target_;
   GoalFinder finder_;
-  const Mesh& start_;
+  const Mesh& initial_mesh_;
   Mesh now_;
   TetMesh tets_;
-  Positions first_, unknowns_;
-  Pairs tips_;
-  std::vector<int> centres_;
-  Positions places_;
+  Positions initial_unknowns_, unknowns_;
+  Pairs held_tips_;
+  std::vector<int> representatives_;
+  Positions representative_goals_;
   int vertex_count_ = 0;
-  double edge_ = 0;
-  Eigen::VectorXd pulls_;  // w_C of each vertex
+  double edge_length_ = 0;
+  Eigen::VectorXd closeness_weights_;  // w_C of each vertex
   Region region_;
   SparseMatrix energy_, block_;
   RowMatrix to_identity_;
@@ -249,6 +254,59 @@ class Registration {
   std::shared_ptr<const SymbolicCholesky> symbolic_;
   std::unique_ptr<SparseCholesky> factor_;
 };
+
+/// The stages that every fit consists of.
+class FitStages {
+ public:
+  /// All must outlive this.
+  FitStages(const Alignment& alignment, const RegistrationOptions& options,
+            const Progress& progress)
+      : alignment_(alignment), options_(options), progress_(progress) {}
+
+  int fit_count() const { return 1 + by_markers() + by_tips() + by_map(); }
+  bool by_markers() const { return alignment_.by_markers.has_value(); }
+  bool by_tips() const { return !alignment_.tips.empty(); }
+  bool by_map() const { return !alignment_.map_target.empty(); }
+  /// Of all progress that of one fit.
+  double fraction() const { return 0.98 / fit_count(); }
+
+  /// begin: where its progress begins.
+  Positions fit(Registration& registration, Lead lead, double begin) const {
+    const Progress progress = within(progress_, begin, begin + fraction());
+    const double last = std::min(kFirstWave, kLastWaveEdges * registration.edge_length());
+    const double first = std::max(last, lead == Lead::map ? kFirstWaveAfterMap : kFirstWave);
+    const double step = 0.98 / (options_.stages + 1);
+    const bool robust = alignment_.lies_on && lead != Lead::map;
+    if (lead == Lead::map)
+      registration.run_guided(within(progress, 0.02, 0.02 + step));
+    else if (lead != Lead::nothing)
+      registration.run_marked(within(progress, 0.02, 0.02 + step));
+    for (int stage = 1; stage <= options_.stages; ++stage) {
+      const double done = options_.stages > 1 ? (stage - 1.0) / (options_.stages - 1) : 1;
+      const double wave = first * std::pow(last / first, done);
+      // Parts of the target without a counterpart must not attract.
+      const bool both_ways = wave > kMinWaveBothWays && !alignment_.lies_on;
+      registration.run(wave, robust, both_ways,
+                       within(progress, 0.02 + step * stage, 0.02 + step * (stage + 1)));
+    }
+    return registration.positions();
+  }
+
+ private:
+  const Alignment& alignment_;
+  const RegistrationOptions& options_;
+  const Progress& progress_;
+};
+
+/// Sets the goals of a registration to those of the alignment's map. start: the placed source.
+void guide_by_map(const Alignment& alignment, const Mesh& start, const Mesh& target,
+                  Registration& registration) {
+  Positions goals = start.positions;
+  for (Index v = 0; v < goals.rows(); ++v)
+    if (const int map_target = alignment.map_target[size_t(v)]; map_target >= 0)
+      goals.row(v) = target.positions.row(map_target);
+  registration.set_guide(alignment.representative, std::move(goals));
+}
 
 }  // namespace
 
@@ -261,71 +319,46 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   const auto placed = [&](const Similarity& placement) {
     return Mesh{box.into(placement.all(source.positions)), source.triangles};
   };
-  const bool mapped = !alignment.partner.empty(), marked = alignment.by_markers.has_value(),
-             has_tips = !alignment.tips.empty();
-  const double share = 0.98 / (1 + marked + has_tips + mapped);
-  const auto fit = [&](Registration& by, Lead lead, double begin) {
-    const Progress part = within(progress, begin, begin + share);
-    const double last = std::min(kLongestWave, kShortestWave * by.edge());
-    const double first = std::max(last, lead == Lead::map ? kLongestAfterGuide : kLongestWave);
-    const double step = 0.98 / (options.stages + 1);
-    const bool by_near = alignment.lies_on && lead != Lead::map;
-    if (lead == Lead::map)
-      by.run_guided(within(part, 0.02, 0.02 + step));
-    else if (lead != Lead::nothing)
-      by.run_marked(within(part, 0.02, 0.02 + step));
-    for (int stage = 1; stage <= options.stages; ++stage) {
-      const double done = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
-      const double wave = first * std::pow(last / first, done);
-      // Parts of the target without a counterpart must not attract.
-      const bool both_ways = wave > kBothWays && !alignment.lies_on;
-      by.run(wave, by_near, both_ways,
-             within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
-    }
-    return by.positions();
-  };
+  const FitStages stages(alignment, options, progress);
+  const double fraction = stages.fraction();
   const Mesh start = placed(alignment.placement);
   Registration registration(start, unit, markers, options);
-  Positions fitted = fit(registration, Lead::nothing, 0);
+  Positions fitted = stages.fit(registration, Lead::nothing, 0);
   // Few markers often shear the source, and many tell more than its shape; tips may be paired
   // wrongly. So mean confidence decides between the fits.
-  const auto trust_in = [&](const Positions& positions, double done) {
+  const auto confidence_of = [&](const Positions& positions, double done) {
     Match match = match_triangles({positions, source.triangles}, unit, options.reach,
                                   options.threads, within(progress, done, done));
     doubt_stretched(match, source, positions);
     return mean_confidence(match, unit);
   };
-  double trust = marked || has_tips ? trust_in(fitted, share) : 0;
-  const auto keep_better = [&](Positions led, double done) {
-    const double led_trust = trust_in(led, done);
-    if (!(led_trust > trust)) return;
-    trust = led_trust;
-    fitted = std::move(led);
+  double confidence = stages.by_markers() || stages.by_tips() ? confidence_of(fitted, fraction) : 0;
+  const auto keep_better = [&](Positions candidate, double done) {
+    const double of_candidate = confidence_of(candidate, done);
+    if (!(of_candidate > confidence)) return;
+    confidence = of_candidate;
+    fitted = std::move(candidate);
   };
-  if (marked) {
-    const Mesh there = placed(*alignment.by_markers);
-    Registration by_markers(there, unit, markers, options);
-    keep_better(fit(by_markers, Lead::markers, share), 2 * share);
+  if (stages.by_markers()) {
+    const Mesh placed_by_markers = placed(*alignment.by_markers);
+    Registration by_markers(placed_by_markers, unit, markers, options);
+    keep_better(stages.fit(by_markers, Lead::markers, fraction), 2 * fraction);
   }
-  if (has_tips) {
-    registration.begin_again();
-    registration.hold(alignment.tips);
-    const double begin = share * (1 + marked);
-    keep_better(fit(registration, Lead::tips, begin), begin + share);
+  if (stages.by_tips()) {
+    registration.reset();
+    registration.set_held_tips(alignment.tips);
+    const double begin = fraction * (1 + stages.by_markers());
+    keep_better(stages.fit(registration, Lead::tips, begin), begin + fraction);
   }
-  if (mapped) {
-    registration.begin_again();
-    registration.hold({});
-    Positions places = start.positions;
-    for (Index v = 0; v < places.rows(); ++v)
-      if (const int partner = alignment.partner[size_t(v)]; partner >= 0)
-        places.row(v) = unit.positions.row(partner);
-    registration.guide(alignment.centre, std::move(places));
-    Positions guided = fit(registration, Lead::map, 0.98 - share);
+  if (stages.by_map()) {
+    registration.reset();
+    registration.set_held_tips({});
+    guide_by_map(alignment, start, unit, registration);
+    Positions guided = stages.fit(registration, Lead::map, 0.98 - fraction);
     // Closest points are the better guess on similar shapes. But posed limbs are far from their
     // goals: they are compressed or, by robust weights, left behind unstretched.
-    const double worth = alignment.lies_on ? kWorthGuiding : 1;
-    if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
+    const double max_stretch_ratio = alignment.lies_on ? kMaxStretchRatioOfGuided : 1;
+    if (mean_stretch(start, guided) < max_stretch_ratio * mean_stretch(start, fitted))
       fitted = std::move(guided);
   }
   report(progress, 1, Stage::done);

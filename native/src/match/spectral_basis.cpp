@@ -12,7 +12,8 @@ namespace dd {
 
 namespace {
 
-constexpr int kIterations = 16;  // the last of 30 functions then changes by less than a percent
+constexpr int kSubspaceIterations =
+    16;  // the last of 30 functions then changes by less than a percent
 
 /// Linear combinations of the columns that are orthonormal with respect to the masses.
 RowMatrix orthonormal(const RowMatrix& functions, const Eigen::VectorXd& masses) {
@@ -40,14 +41,14 @@ SpectralBasis spectral_basis(const Mesh& mesh, int count, const std::vector<int>
   RowMatrix right = RowMatrix::Zero(mesh.vertex_count(), static_cast<Index>(seeds.size()));
   for (size_t i = 0; i < seeds.size(); ++i) right(seeds[i], static_cast<Index>(i)) = 1;
   SpectralBasis basis;
-  for (int round = 0; round < kIterations; ++round) {
+  for (int round = 0; round < kSubspaceIterations; ++round) {
     const RowMatrix functions = orthonormal(orthonormal(factor.solve(right, pool), masses), masses);
     const RowMatrix applied = surface.laplacian * functions;
     const Eigen::MatrixXd energies = functions.transpose() * applied;
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(energies);
     const RowMatrix best = functions * ritz.eigenvectors();
     right = masses.asDiagonal() * best;
-    if (round + 1 < kIterations) continue;
+    if (round + 1 < kSubspaceIterations) continue;
     basis.values = ritz.eigenvalues().head(count);
     basis.functions = best.leftCols(count);
   }

@@ -17,22 +17,23 @@ namespace {
 
 // Stretch, or its inverse, that halves the confidence. Tuned on remeshes, identities, poses and
 // animals: the mean confidence is .60 to 1.0 of right matches, .24 to .58 of wrong ones.
-constexpr double kDoubted = 3;
+constexpr double kHalvingStretch = 3;
 // Area as a fraction of the largest one, below which a triangle's stretch is ignored. Safety:
 // rounding leaves none of its shape.
-constexpr double kSliver = 1e-9;
+constexpr double kMinMeasuredArea = 1e-9;
 
 /// How far the two directions of a match disagree: the distance between `there`, a closest point on
 /// a triangle of mesh, and `back`, the closest point to that triangle's centre on the other mesh,
 /// less the triangle's radius. 0 if there is no `back`.
-double way_back(const Mesh& mesh, const PointOnTriangle& there, const PointOnTriangle& back) {
+double round_trip_error(const Mesh& mesh, const PointOnTriangle& there,
+                        const PointOnTriangle& back) {
   if (back.triangle < 0) return 0;
   const Eigen::Vector3d middle = triangle_centre(mesh.positions, mesh.triangles, there.triangle);
   double size = 0;
   for (int k = 0; k < 3; ++k)
     size = std::max(
         size, (mesh.positions.row(mesh.triangles(there.triangle, k)).transpose() - middle).norm());
-  return std::max(0.0, (back.place - there.place).norm() - size);
+  return std::max(0.0, (back.position - there.position).norm() - size);
 }
 
 /// The Gram matrix of a triangle's edges e1, e2.
@@ -42,7 +43,7 @@ Eigen::Matrix2d products_of_edges(const Positions& positions, const Triangles& t
 }
 
 /// The median ratio of areas after and before, weighted by the latter.
-double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
+double median_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
   std::vector<std::array<double, 2>> ratios;  // ratio, area before
   for (Index j = 0; j < before.size(); ++j)
     if (before[j] > 0) ratios.push_back({after[j] / before[j], before[j]});
@@ -56,17 +57,17 @@ double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& afte
 /// The larger of a triangle's largest stretch and its largest compression, relative to a scaling of
 /// all areas by `whole`.
 double largest_stretch(const Mesh& rest, const Positions& now, Index j, double area,
-                       double area_now, double whole) {
+                       double area_now, double area_growth) {
   const Eigen::Matrix2d from = products_of_edges(rest.positions, rest.triangles, j),
                         to = products_of_edges(now, rest.triangles, j);
   // The squared singular values are the eigenvalues of from⁻¹ to. The determinants are taken from
   // the areas, as those of a sliver's Gram matrices cancel.
   const double half = (from(1, 1) * to(0, 0) - 2 * from(0, 1) * to(0, 1) + from(0, 0) * to(1, 1)) /
-                      (8 * area * area * whole);
-  const double growth = area_now / (area * whole);
-  const double apart = std::sqrt(std::max(0.0, half * half - growth * growth));
-  const double least = std::max(half - apart, 1e-12);
-  return std::sqrt(std::max(half + apart, 1 / least));
+                      (8 * area * area * area_growth);
+  const double growth = area_now / (area * area_growth);
+  const double half_difference = std::sqrt(std::max(0.0, half * half - growth * growth));
+  const double least_stretch = std::max(half - half_difference, 1e-12);
+  return std::sqrt(std::max(half + half_difference, 1 / least_stretch));
 }
 
 }  // namespace
@@ -102,13 +103,13 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
     const PointOnTriangle& there = found[1][size_t(j)];
     if (there.triangle < 0) continue;
     pairs.push_back({there.triangle, j});
-    // Halved by a distance of 2% of the box's diagonal, and by a way_back() of as much.
+    // Halved by a distance of 2% of the box's diagonal, and by a round_trip_error() of as much.
     const double distance = std::sqrt(there.squared_distance) / (0.02 * box);
     const double parallel = normals[1].row(j).dot(normals[0].row(there.triangle));
-    const double astray = way_back(registered, there, found[0][size_t(there.triangle)]);
+    const double round_trip = round_trip_error(registered, there, found[0][size_t(there.triangle)]);
     match.confidence[size_t(j)] =
         static_cast<float>(std::max(0.0, parallel) / (1 + distance * distance) /
-                           (1 + std::pow(astray / (0.02 * box), 2)));
+                           (1 + std::pow(round_trip / (0.02 * box), 2)));
   }
   match.correspondence =
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
@@ -119,19 +120,20 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
 void doubt_stretched(Match& match, const Mesh& source, const Positions& registered) {
   const Eigen::VectorXd areas[2] = {triangle_areas(source.positions, source.triangles),
                                     triangle_areas(registered, source.triangles)};
-  const double whole = typical_growth(areas[0], areas[1]);
-  if (!(whole > 0)) return;
-  const double thin = kSliver * areas[0].maxCoeff();
-  Eigen::VectorXd left = Eigen::VectorXd::Ones(areas[0].size());
-  for (Index j = 0; j < left.size(); ++j) {
-    if (!(areas[0][j] > thin)) continue;
-    const double stretch = largest_stretch(source, registered, j, areas[0][j], areas[1][j], whole);
-    left[j] = 1 / (1 + std::pow((stretch - 1) / (kDoubted - 1), 2));
+  const double area_growth = median_growth(areas[0], areas[1]);
+  if (!(area_growth > 0)) return;
+  const double min_area = kMinMeasuredArea * areas[0].maxCoeff();
+  Eigen::VectorXd factors = Eigen::VectorXd::Ones(areas[0].size());
+  for (Index j = 0; j < factors.size(); ++j) {
+    if (!(areas[0][j] > min_area)) continue;
+    const double stretch =
+        largest_stretch(source, registered, j, areas[0][j], areas[1][j], area_growth);
+    factors[j] = 1 / (1 + std::pow((stretch - 1) / (kHalvingStretch - 1), 2));
   }
   const Correspondence& sources = match.correspondence;
   for (int j = 0; j < sources.target_count(); ++j) {
     double sum = 0;
-    for (int k = sources.begin[j]; k < sources.begin[j + 1]; ++k) sum += left[sources.source[k]];
+    for (int k = sources.begin[j]; k < sources.begin[j + 1]; ++k) sum += factors[sources.source[k]];
     if (sources.has_source(j))
       match.confidence[size_t(j)] *=
           static_cast<float>(sum / (sources.begin[j + 1] - sources.begin[j]));

@@ -13,9 +13,9 @@ PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector
   const auto at = [&](double v, double w) {
     PointOnTriangle found;
     found.triangle = j;
-    found.weights << 1 - v - w, v, w;
-    found.place = a + v * ab + w * ac;
-    found.squared_distance = (point - found.place).squaredNorm();
+    found.barycentric << 1 - v - w, v, w;
+    found.position = a + v * ab + w * ac;
+    found.squared_distance = (point - found.position).squaredNorm();
     return found;
   };
   // A parameter along an edge or a barycentric weight; 0 if there is no extent.
@@ -69,25 +69,25 @@ int AabbTree::build(int begin, int end) {
   return number;
 }
 
-PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
-                               double beyond) const {
+PointOnTriangle AabbTree::first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                                     double beyond) const {
   // Safety: barycentric coordinates may be negative by this, or a ray could slip through between
   // triangles.
-  constexpr double kOver = 1e-9;
+  constexpr double kBarycentricSlack = 1e-9;
   PointOnTriangle first;
   if (nodes_.empty() || !(direction.squaredNorm() > 0)) return first;
-  const Eigen::Vector3d way = direction.normalized();
-  double reach = std::numeric_limits<double>::infinity();
+  const Eigen::Vector3d unit_direction = direction.normalized();
+  double max_distance = std::numeric_limits<double>::infinity();
   const auto enters = [&](const Eigen::AlignedBox3d& box) {
-    double begin = beyond, end = reach;
+    double begin = beyond, end = max_distance;
     for (int k = 0; k < 3; ++k) {
       const double low = box.min()[k] - from[k], high = box.max()[k] - from[k];
-      if (way[k] == 0) {
+      if (unit_direction[k] == 0) {
         if (low > 0 || high < 0) return false;
         continue;
       }
-      begin = std::max(begin, (way[k] > 0 ? low : high) / way[k]);
-      end = std::min(end, (way[k] > 0 ? high : low) / way[k]);
+      begin = std::max(begin, (unit_direction[k] > 0 ? low : high) / unit_direction[k]);
+      end = std::min(end, (unit_direction[k] > 0 ? high : low) / unit_direction[k]);
     }
     return begin <= end;
   };
@@ -99,27 +99,27 @@ PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from, const Eigen::Vector3
     if (node.left >= 0) {
       const Eigen::Vector3d apart =
           nodes_[node.right].box.center() - nodes_[node.left].box.center();
-      const bool left_first = apart.dot(way) > 0;
+      const bool left_first = apart.dot(unit_direction) > 0;
       open.push_back(left_first ? node.right : node.left);
       open.push_back(left_first ? node.left : node.right);
       continue;
     }
     for (int i = node.begin; i < node.end; ++i) {
       const int j = order_[i];
-      if (!(normals_.row(j).dot(way) > 0)) continue;
+      if (!(normals_.row(j).dot(unit_direction) > 0)) continue;
       const Eigen::Vector3d a = mesh_.positions.row(mesh_.triangles(j, 0)),
                             ab = mesh_.positions.row(mesh_.triangles(j, 1)).transpose() - a,
                             ac = mesh_.positions.row(mesh_.triangles(j, 2)).transpose() - a;
-      const Eigen::Vector3d normal = ab.cross(ac), at = from - a, turned = at.cross(way);
-      const double volume = normal.dot(way), distance = -normal.dot(at) / volume;
+      const Eigen::Vector3d normal = ab.cross(ac), at = from - a, turned = at.cross(unit_direction);
+      const double volume = normal.dot(unit_direction), distance = -normal.dot(at) / volume;
       const double v = -ac.dot(turned) / volume, w = ab.dot(turned) / volume;
-      if (!(distance > beyond && distance < reach && v >= -kOver && w >= -kOver &&
-            v + w <= 1 + kOver))
+      if (!(distance > beyond && distance < max_distance && v >= -kBarycentricSlack &&
+            w >= -kBarycentricSlack && v + w <= 1 + kBarycentricSlack))
         continue;
-      reach = distance;
+      max_distance = distance;
       first.triangle = j;
-      first.weights << 1 - v - w, v, w;
-      first.place = from + distance * way;
+      first.barycentric << 1 - v - w, v, w;
+      first.position = from + distance * unit_direction;
       first.squared_distance = distance * distance;
     }
   }

@@ -15,16 +15,17 @@ namespace dd {
 /// A point on a triangle, by its barycentric weights.
 struct PointOnTriangle {
   int triangle = -1;  // -1: none
-  Eigen::Vector3d weights = Eigen::Vector3d::Zero();
-  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Eigen::Vector3d barycentric = Eigen::Vector3d::Zero();
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
   double squared_distance = std::numeric_limits<double>::infinity();
 };
 
 /// The point for other positions of the vertices.
-inline Eigen::RowVector3d place_of(const PointOnTriangle& point, const Positions& positions,
-                                   const Triangles& triangles) {
+inline Eigen::RowVector3d position_of(const PointOnTriangle& point, const Positions& positions,
+                                      const Triangles& triangles) {
   Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
-  for (int k = 0; k < 3; ++k) sum += point.weights[k] * positions.row(triangles(point.triangle, k));
+  for (int k = 0; k < 3; ++k)
+    sum += point.barycentric[k] * positions.row(triangles(point.triangle, k));
   return sum;
 }
 
@@ -39,7 +40,7 @@ class AabbTree {
 
   /// Calls visit(j) for each triangle whose box intersects the given triangle's, itself included.
   template <class Visit>
-  void meet(int triangle, const Visit& visit) const {
+  void each_overlapping(int triangle, const Visit& visit) const {
     std::vector<int> open{0};
     while (!open.empty()) {
       const Node& node = nodes_[open.back()];
@@ -55,11 +56,12 @@ class AabbTree {
     }
   }
 
-  /// The closest point on the triangles for which accept(j) is true, nearer than reach; triangle -1
-  /// if there is none.
+  /// The closest point on the triangles for which accept(j) is true, nearer than max_distance;
+  /// triangle -1 if there is none.
   template <class Accept>
-  PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Accept& accept) const {
-    return nearest(point, reach, [](const Node&) { return true; }, accept);
+  PointOnTriangle nearest(const Eigen::Vector3d& point, double max_distance,
+                          const Accept& accept) const {
+    return nearest(point, max_distance, [](const Node&) { return true; }, accept);
   }
 
   /// The same on those accepted triangles whose normals have a positive dot product with the given
@@ -67,24 +69,24 @@ class AabbTree {
   /// early.
   template <class Accept>
   PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
-                                 double reach, const Accept& accept) const {
+                                 double max_distance, const Accept& accept) const {
     const auto may_face = [&](const Node& node) {
       return normal.cwiseProduct(node.normals.min())
                  .cwiseMax(normal.cwiseProduct(node.normals.max()))
                  .sum() > 0;
     };
-    return nearest(point, reach, may_face,
+    return nearest(point, max_distance, may_face,
                    [&](int j) { return normals_.row(j).dot(normal) > 0 && accept(j); });
   }
   PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
-                                 double reach) const {
-    return nearest_facing(point, normal, reach, [](int) { return true; });
+                                 double max_distance) const {
+    return nearest_facing(point, normal, max_distance, [](int) { return true; });
   }
 
   /// The first point, farther than `beyond` from `from`, at which a ray leaves the surface: on a
   /// triangle whose normal has a positive dot product with the direction. Triangle -1 if none.
-  PointOnTriangle exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
-                       double beyond) const;
+  PointOnTriangle first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                             double beyond) const;
 
  private:
   static constexpr int kLeaf = 8;  // most triangles in a leaf
@@ -96,10 +98,10 @@ class AabbTree {
 
   /// nearest() without the subtrees for which enter(node) is false.
   template <class Enter, class Accept>
-  PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Enter& enter,
+  PointOnTriangle nearest(const Eigen::Vector3d& point, double max_distance, const Enter& enter,
                           const Accept& accept) const {
     PointOnTriangle best;
-    best.squared_distance = reach * reach;
+    best.squared_distance = max_distance * max_distance;
     if (nodes_.empty()) return best;
     std::vector<std::pair<double, int>> open{{nodes_[0].box.squaredExteriorDistance(point), 0}};
     while (!open.empty()) {

@@ -15,7 +15,7 @@ namespace {
 
 // Most rounds of repair, as undoing merges may break the fans of their neighbours. If some are
 // still broken after these, nothing is merged at all.
-constexpr int kRounds = 8;
+constexpr int kRepairRounds = 8;
 
 class Contracting {
  public:
@@ -27,12 +27,12 @@ class Contracting {
         distance_(radii.size(), std::numeric_limits<double>::infinity()) {}
 
   Contraction run() {
-    gather();
+    assign_centers();
     const Borders borders(mesh_.triangles, mesh_.vertex_count());
-    for (int round = 0; round < kRounds; ++round) {
-      const std::vector<int> bad = find_bad(borders.vertices);
-      if (bad.empty()) return result();
-      release(bad);
+    for (int round = 0; round < kRepairRounds; ++round) {
+      const std::vector<int> broken_fans = find_broken_fans(borders.vertices);
+      if (broken_fans.empty()) return result();
+      undo_merges(broken_fans);
     }
     std::iota(label_.begin(), label_.end(), 0);
     return result();
@@ -41,7 +41,7 @@ class Contracting {
  private:
   /// Labels each vertex with its nearest center, by Dijkstra's method within the center's radius.
   /// Centers are chosen greedily, by their coordinates, among the vertices not yet labelled.
-  void gather() {
+  void assign_centers() {
     const Positions& p = mesh_.positions;
     std::vector<int> order;
     for (int v = 0; v < mesh_.vertex_count(); ++v)
@@ -80,7 +80,7 @@ class Contracting {
   }
 
   /// The triangles whose corners have three different numbers, as triples of these numbers.
-  Triangles left(const std::vector<int>& numbers) const {
+  Triangles remaining_triangles(const std::vector<int>& numbers) const {
     Triangles numbered(mesh_.triangles.rows(), 3);
     Index count = 0;
     for (int j = 0; j < mesh_.triangle_count(); ++j) {
@@ -91,14 +91,14 @@ class Contracting {
     return numbered.topRows(count);
   }
 
-  bool alone(int center) const { return size_[center] == 1; }
+  bool unmerged(int center) const { return size_[center] == 1; }
 
   /// Centers whose remaining triangles don't form one fan, among those with merged vertices and
   /// their neighbours.
-  std::vector<int> find_bad(const std::vector<char>& borders) {
+  std::vector<int> find_broken_fans(const std::vector<char>& borders) {
     const int n = mesh_.vertex_count();
     size_.assign(static_cast<size_t>(n), 0);
-    std::vector<char> at_border(static_cast<size_t>(n), 0), beside(static_cast<size_t>(n), 0);
+    std::vector<char> at_border(static_cast<size_t>(n), 0), near_merges(static_cast<size_t>(n), 0);
     for (int v = 0; v < n; ++v)
       if (label_[v] >= 0) {
         ++size_[label_[v]];
@@ -106,27 +106,27 @@ class Contracting {
       }
     for (int j = 0; j < mesh_.triangle_count(); ++j) {
       const auto corners = mesh_.triangles.row(j);
-      if (std::all_of(corners.begin(), corners.end(), [&](int v) { return alone(label_[v]); }))
+      if (std::all_of(corners.begin(), corners.end(), [&](int v) { return unmerged(label_[v]); }))
         continue;
-      for (int v : corners) beside[label_[v]] = 1;
+      for (int v : corners) near_merges[label_[v]] = 1;
     }
-    const Triangles triangles = left(label_);
-    const Fans fans(triangles, n);
-    std::vector<int> bad;
+    const Triangles triangles = remaining_triangles(label_);
+    const VertexTriangles fans(triangles, n);
+    std::vector<int> broken_fans;
     std::vector<std::pair<int, int>> links;
     for (int v = 0; v < n; ++v) {
-      if (!beside[v] || radii_[v] == 0) continue;
+      if (!near_merges[v] || radii_[v] == 0) continue;
       links.clear();
       for (int j : fans.of(v))
         for (int k = 0; k < 3; ++k)
           if (triangles(j, k) == v)
             links.emplace_back(triangles(j, (k + 1) % 3), triangles(j, (k + 2) % 3));
-      if (!is_fan(links, at_border[v])) bad.push_back(v);
+      if (!is_one_fan(links, at_border[v])) broken_fans.push_back(v);
     }
-    return bad;
+    return broken_fans;
   }
 
-  static bool is_fan(std::vector<std::pair<int, int>>& links, bool open) {
+  static bool is_one_fan(std::vector<std::pair<int, int>>& links, bool open) {
     if (links.empty()) return false;
     std::sort(links.begin(), links.end());
     const auto from = [&](int vertex) {
@@ -158,17 +158,18 @@ class Contracting {
   }
 
   /// Undoes the merges into these centers and into their neighbours.
-  void release(const std::vector<int>& centers) {
-    std::vector<char> bad(label_.size(), 0), released(label_.size(), 0);
-    for (int center : centers) bad[center] = 1;
+  void undo_merges(const std::vector<int>& centers) {
+    std::vector<char> broken_fans(label_.size(), 0), undone(label_.size(), 0);
+    for (int center : centers) broken_fans[center] = 1;
     for (int j = 0; j < mesh_.triangle_count(); ++j) {
       const auto corners = mesh_.triangles.row(j);
-      if (!bad[label_[corners[0]]] && !bad[label_[corners[1]]] && !bad[label_[corners[2]]])
+      if (!broken_fans[label_[corners[0]]] && !broken_fans[label_[corners[1]]] &&
+          !broken_fans[label_[corners[2]]])
         continue;
-      for (int v : corners) released[label_[v]] = 1;
+      for (int v : corners) undone[label_[v]] = 1;
     }
     for (int v = 0; v < mesh_.vertex_count(); ++v)
-      if (label_[v] >= 0 && released[label_[v]]) label_[v] = v;
+      if (label_[v] >= 0 && undone[label_[v]]) label_[v] = v;
   }
 
   Contraction result() const {
@@ -181,13 +182,13 @@ class Contracting {
         made.vertices.push_back(v);
       }
     for (int v = 0; v < n; ++v) made.of_vertex.push_back(label_[v] < 0 ? -1 : number[label_[v]]);
-    made.triangles = left(made.of_vertex);
+    made.triangles = remaining_triangles(made.of_vertex);
     return made;
   }
 
   const Mesh& mesh_;
   const std::vector<double>& radii_;
-  Fans fans_;
+  VertexTriangles fans_;
   std::vector<int> label_, size_;  // center of each vertex; number of vertices of each center
   std::vector<double> distance_;
 };

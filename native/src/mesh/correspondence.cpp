@@ -56,7 +56,7 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
   check_range(pairs, source.vertex_count(), target.vertex_count(), "vertices");
   std::vector<std::vector<int>> partners(static_cast<size_t>(target.vertex_count()));
   for (const auto& [from, to] : pairs) partners[to].push_back(from);
-  const Fans around(source.triangles, source.vertex_count());
+  const VertexTriangles around(source.triangles, source.vertex_count());
 
   Pairs found;
   for (int j = 0; j < target.triangle_count(); ++j) {
@@ -87,7 +87,7 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
   return by_target(found, target.triangle_count());
 }
 
-Correspondence same_topology(const Mesh& source, const Mesh& target) {
+Correspondence identity_correspondence(const Mesh& source, const Mesh& target) {
   if (source.vertex_count() != target.vertex_count() ||
       source.triangle_count() != target.triangle_count())
     throw Error(Status::argument,

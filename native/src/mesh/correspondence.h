@@ -34,6 +34,6 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
 
 /// Each triangle to the one of the same index. Throws Error(argument) if the meshes differ in the
 /// number of vertices or in their triangles.
-Correspondence same_topology(const Mesh& source, const Mesh& target);
+Correspondence identity_correspondence(const Mesh& source, const Mesh& target);
 
 }  // namespace dd

@@ -38,25 +38,25 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
                                        double farthest) {
   const Triangles& t = mesh.triangles;
   const size_t n = static_cast<size_t>(mesh.vertex_count());
-  const Fans fans(t, mesh.vertex_count());
-  const auto place = [&](int v) -> Eigen::Vector3d { return mesh.positions.row(v); };
+  const VertexTriangles fans(t, mesh.vertex_count());
+  const auto position = [&](int v) -> Eigen::Vector3d { return mesh.positions.row(v); };
   std::vector<double> distance(n, kInfinity);
   std::vector<int> source_of(n, -1);  // nearest source, to which distance refers
   std::vector<char> passed(n, 0);
   using Front = std::pair<double, int>;
   std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
-  const auto reach = [&](int v, double value, int source) {
+  const auto lower_distance = [&](int v, double value, int source) {
     if (!(value < distance[v])) return;
     distance[v] = value;
     source_of[v] = source;
     front.emplace(value, v);
   };
   for (size_t v = 0; v < n; ++v)
-    if (sources[v]) reach(static_cast<int>(v), 0, static_cast<int>(v));
+    if (sources[v]) lower_distance(static_cast<int>(v), 0, static_cast<int>(v));
   // Along an edge the distance from one source is convex, so a straight front through both ends
   // only overestimates it. Where the fronts of two sources meet it has a peak, which a straight
   // front cuts off: there the straight-line distance to the nearer source is a lower bound.
-  const auto straight = [&](int source, int c) { return (place(c) - place(source)).norm(); };
+  const auto straight = [&](int source, int c) { return (position(c) - position(source)).norm(); };
   const auto nearer = [&](int s, int other, int c) {
     return s == other || straight(s, c) <= straight(other, c) ? s : other;
   };
@@ -68,17 +68,17 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
     for (int j : fans.of(a)) {
       for (int k = 0; k < 3; ++k) {
         const int c = t(j, k);
-        const double along = distance[a] + (place(c) - place(a)).norm();
+        const double along = distance[a] + (position(c) - position(a)).norm();
         if (passed[c] && !(along < distance[c])) continue;
         // Reopens c: through an obtuse triangle the front may have reached a late, after c.
         passed[c] = 0;
-        reach(c, along, source_of[a]);
+        lower_distance(c, along, source_of[a]);
         const int b = t(j, 0) + t(j, 1) + t(j, 2) - a - c;
         if (!passed[b]) continue;
         const int source = nearer(source_of[a], source_of[b], c);
         const double value =
-            through_triangle(place(a), place(b), place(c), distance[a], distance[b]);
-        reach(c, std::max(value, straight(source, c)), source);
+            through_triangle(position(a), position(b), position(c), distance[a], distance[b]);
+        lower_distance(c, std::max(value, straight(source, c)), source);
       }
     }
   }

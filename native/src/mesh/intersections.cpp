@@ -60,7 +60,7 @@ std::vector<std::pair<int, int>> intersecting_pairs(const Mesh& mesh) {
   if (mesh.triangle_count() == 0) return pairs;
   const AabbTree tree(mesh);
   for (int j = 0; j < mesh.triangle_count(); ++j)
-    tree.meet(j, [&](int other) {
+    tree.each_overlapping(j, [&](int other) {
       if (other > j && triangles_intersect(mesh, j, other)) pairs.emplace_back(j, other);
     });
   std::sort(pairs.begin(), pairs.end());

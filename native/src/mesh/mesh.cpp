@@ -10,11 +10,12 @@
 
 namespace dd {
 
-std::vector<int> unusable_places(const Positions& positions) {
+std::vector<int> vertices_with_bad_coordinates(const Positions& positions) {
   std::vector<int> found;
   for (Index v = 0; v < positions.rows(); ++v)
     // Negated, so that NaN fails the comparison, too.
-    if (!(positions.row(v).cwiseAbs().maxCoeff() <= kFarthest) || !positions.row(v).allFinite())
+    if (!(positions.row(v).cwiseAbs().maxCoeff() <= kMaxCoordinate) ||
+        !positions.row(v).allFinite())
       found.push_back(static_cast<int>(v));
   return found;
 }
@@ -49,7 +50,7 @@ void validate(const Mesh& mesh, MeshOf which) {
   if (n == 0) throw Error(Status::mesh, name + " has no vertices", Remedy::add_faces);
   if (mesh.triangle_count() == 0)
     throw Error(Status::mesh, name + " has no faces", Remedy::add_faces);
-  if (std::vector<int> lost = unusable_places(mesh.positions); !lost.empty()) {
+  if (std::vector<int> lost = vertices_with_bad_coordinates(mesh.positions); !lost.empty()) {
     const int v = lost.front();
     std::ostringstream message;
     if (mesh.positions.row(v).allFinite())

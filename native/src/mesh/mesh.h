@@ -18,17 +18,17 @@ struct Mesh {
 
 /// Largest absolute coordinate that is accepted, in the caller's units. Safety: positions are
 /// exchanged in single precision, which ends at 3.4e38.
-constexpr double kFarthest = 1e30;
+constexpr double kMaxCoordinate = 1e30;
 
-/// Indices of the vertices with a coordinate that is not finite or beyond kFarthest.
-std::vector<int> unusable_places(const Positions& positions);
+/// Indices of the vertices with a coordinate that is not finite or beyond kMaxCoordinate.
+std::vector<int> vertices_with_bad_coordinates(const Positions& positions);
 
 /// Which of several meshes an error is about.
 enum class MeshOf { itself, source, target, base };
 
 /// Throws Error(mesh) if the mesh is unusable: no vertices or triangles, coordinates that are not
-/// finite or beyond kFarthest, vertex indices out of range or twice in a triangle, no extent. Its
-/// subject is the first such vertex or triangle; Error::vertices() has those of all, except for
+/// finite or beyond kMaxCoordinate, vertex indices out of range or twice in a triangle, no extent.
+/// Its subject is the first such vertex or triangle; Error::vertices() has those of all, except for
 /// indices out of range.
 void validate(const Mesh& mesh, MeshOf which = MeshOf::itself);
 

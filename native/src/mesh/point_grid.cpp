@@ -9,10 +9,11 @@ namespace dd {
 namespace {
 
 // Largest cell index. Safety: the conversion to int64_t must not overflow.
-constexpr double kFarthest = 1e15;
+constexpr double kMaxCellIndex = 1e15;
 
 int64_t cell_along(double distance, double width) {
-  return static_cast<int64_t>(std::clamp(std::floor(distance / width), -kFarthest, kFarthest));
+  return static_cast<int64_t>(
+      std::clamp(std::floor(distance / width), -kMaxCellIndex, kMaxCellIndex));
 }
 
 }  // namespace
@@ -22,9 +23,9 @@ Cell cell_at(const Eigen::RowVector3d& from_origin, double width) {
           cell_along(from_origin.z(), width)};
 }
 
-PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, double reach,
+PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, double radius,
                      ThreadPool& pool)
-    : reach_(reach) {
+    : radius_(radius) {
   while (slots_ < chosen.size()) slots_ *= 2;
   begin_.assign(slots_ + 1, 0);
   std::vector<Cell> cells(chosen.size());
@@ -32,7 +33,7 @@ PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, do
   pool.parallel_for(
       static_cast<int64_t>(chosen.size()), kLeastRange, [&](int64_t begin, int64_t end) {
         for (auto k = static_cast<size_t>(begin); k < static_cast<size_t>(end); ++k) {
-          cells[k] = cell_at(points.row(chosen[k]) - points.row(chosen.front()), reach);
+          cells[k] = cell_at(points.row(chosen[k]) - points.row(chosen.front()), radius);
           slots[k] = slot_of(cells[k]);
         }
       });

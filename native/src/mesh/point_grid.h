@@ -21,9 +21,9 @@ Cell cell_at(const Eigen::RowVector3d& from_origin, double width);
 /// A hashed uniform grid for fixed-radius neighbour queries; its cells are as wide as the radius.
 class PointGrid {
  public:
-  /// chosen: indices of the points to insert, ascending; the first is the grid's origin. reach: the
-  /// radius.
-  PointGrid(const Positions& points, const std::vector<int>& chosen, double reach,
+  /// chosen: indices of the points to insert, ascending; the first is the grid's origin. radius:
+  /// of the queries.
+  PointGrid(const Positions& points, const std::vector<int>& chosen, double radius,
             ThreadPool& pool);
 
   /// The chosen points, grouped by cell: neighbours in space are close in memory. point(k): the
@@ -57,9 +57,9 @@ class PointGrid {
     for (const Column* column = columns; column != columns + count; ++column)
       for (int l = column->begin + k % step; l < column->end; l += step) {
         const Entry& other = entries_[size_t(l)];
-        const double squared = (other.place - own.place).squaredNorm();
+        const double squared = (other.position - own.position).squaredNorm();
         // Skips points of other columns that hash to these slots.
-        if (squared < reach_ * reach_ && other.cell.y == column->y && other.cell.z == column->z)
+        if (squared < radius_ * radius_ && other.cell.y == column->y && other.cell.z == column->z)
           found(l, squared);
       }
   }
@@ -67,7 +67,7 @@ class PointGrid {
  private:
   struct Entry {
     Cell cell;
-    Eigen::RowVector3d place;
+    Eigen::RowVector3d position;
     int point;
   };
   /// Entries of three consecutive cells along x, and of others that hash to the same slots.
@@ -83,7 +83,7 @@ class PointGrid {
     return static_cast<size_t>(((mixed ^ mixed >> 29) + uint64_t(cell.x)) & (slots_ - 1));
   }
 
-  double reach_;
+  double radius_;
   size_t slots_ = 4;  // a power of two
   std::vector<int> begin_;
   std::vector<Entry> entries_;  // sorted by slot

@@ -20,7 +20,7 @@ PointOnTriangle SurfaceWalk::to(const Eigen::Vector3d& point, int from) const {
     nearer = false;
     const PointOnTriangle here = best;
     for (int k = 0; k < 3; ++k) {
-      if (here.weights[(k + 2) % 3] > kOnEdge) continue;
+      if (here.barycentric[(k + 2) % 3] > kOnEdge) continue;
       for (const Edges::HalfEdge& side : edges_.of(of_half_edges_[3 * size_t(here.triangle) + k])) {
         const PointOnTriangle there = nearest_on_triangle(mesh_, side.triangle(), point);
         if (!(there.squared_distance < best.squared_distance)) continue;

@@ -6,7 +6,7 @@
 
 namespace dd {
 
-Fans::Fans(const Triangles& t, int vertex_count)
+VertexTriangles::VertexTriangles(const Triangles& t, int vertex_count)
     : begin_(static_cast<size_t>(vertex_count) + 1, 0), triangles_(static_cast<size_t>(t.size())) {
   for (Index k = 0; k < t.size(); ++k) ++begin_[t.data()[k] + 1];
   std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
@@ -119,7 +119,7 @@ void fill_from_neighbours(std::vector<int>& of_triangle, const Triangles& t, int
       [&](int edge, const auto& visit) {
         for (const Edges::HalfEdge& side : edges.of(edge)) visit(side.triangle());
       });
-  const Fans fans(t, vertex_count);
+  const VertexTriangles fans(t, vertex_count);
   spread(
       of_triangle, static_cast<size_t>(vertex_count), [&](int j, int k) { return t(j, k); },
       [&](int vertex, const auto& visit) {

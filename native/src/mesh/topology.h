@@ -8,9 +8,9 @@
 namespace dd {
 
 /// The triangles of each vertex's one-ring.
-class Fans {
+class VertexTriangles {
  public:
-  Fans(const Triangles& triangles, int vertex_count);
+  VertexTriangles(const Triangles& triangles, int vertex_count);
 
   struct Range {
     const int *first, *last;

@@ -13,12 +13,12 @@ using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 // Least ratio of twice the area to the square of the longer of e1, e2. Safety: the inverse in (15)
 // of a flatter triangle is rounding.
-constexpr double kFlattest = 1e-6;
+constexpr double kMinAreaRatio = 1e-6;
 
 double double_area(const Eigen::Matrix3d& edges) {
   const double area = edges.col(0).cross(edges.col(1)).norm();
   const double longest = edges.leftCols<2>().colwise().squaredNorm().maxCoeff();
-  return area > kFlattest * longest ? area : 0;
+  return area > kMinAreaRatio * longest ? area : 0;
 }
 
 }  // namespace

@@ -33,25 +33,26 @@ class DisplacementVolumes : public Method {
  private:
   using Vector = Eigen::VectorXd;
 
-  /// W − W_rest of the free rows. Also stores the volumes' gradients at this surface in gradients_.
+  /// W − W_rest of the free rows. Also stores the volumes' gradients at this surface in
+  /// volume_gradients_.
   Vector missing_volumes(const Rows& surface, const Rows& base);
-  Rows transposed(const Vector& multipliers) const;  // Jᵀ λ, J = ∂W/∂p
-  Vector applied(const Rows& displacement) const;    // J x
+  Rows transposed_jacobian_product(const Vector& multipliers) const;  // Jᵀ λ, J = ∂W/∂p
+  Vector jacobian_product(const Rows& displacement) const;            // J x
   /// An approximation of (J H⁻¹ Jᵀ)⁻¹ residual.
   Vector preconditioned(const Vector& residual) const;
   /// The displacement H⁻¹ Jᵀ λ with (J H⁻¹ Jᵀ + μ M) λ = wanted, H = L + M / ℓ², by conjugate
-  /// gradients. go_on: called in each iteration; may throw to cancel.
-  template <class GoOn>
-  Rows shift_for(const Vector& wanted, const GoOn& go_on) const;
+  /// gradients. check_cancelled: called in each iteration; may throw to cancel.
+  template <class CheckCancelled>
+  Rows restoring_displacement(const Vector& wanted, const CheckCancelled& check_cancelled) const;
 
   BoundSurface& bound_;
   Detail detail_;
   NormalDisplacement normal_;
-  Triangles triangles_;                     // those with a free corner; corners are rows
-  std::vector<Eigen::Matrix3d> gradients_;  // of each prism: ∂V/∂p of the corners as columns
+  Triangles free_triangles_;                       // those with a free corner; corners are rows
+  std::vector<Eigen::Matrix3d> volume_gradients_;  // of each prism: ∂V/∂p of the corners as columns
   Vector masses_, rest_volumes_;
-  double height_ = 0;                       // mean height of the prisms
-  SparseMatrix metric_;                     // H
+  double mean_height_ = 0;                  // of the prisms
+  SparseMatrix system_;                     // H
   std::unique_ptr<SparseCholesky> factor_;  // of H; null if S = B, without volumes to keep
   double volume_error_ = 0;
   bool converged_ = true;

@@ -16,7 +16,7 @@ void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
   sums_.setZero(order.count(), terms.cols());
   for (int r = order.free_count; r < order.fixed_begin; ++r)
     sums_.row(r) = terms.row(bound_.region.role[order.vertex_of_row[r]]);
-  harmonic_.take(std::move(terms));
+  harmonic_.set_values(std::move(terms));
   bound_.poisson->pool().parallel_for(
       order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
         sums_.middleRows(begin, end - begin) = harmonic_.rows(begin, end);

@@ -39,10 +39,10 @@ static_assert(std::size(kMethods) == kMethodCount);
 }  // namespace
 
 const MethodFacts& facts(MethodKind method) {
-  const int number = static_cast<int>(method);
-  if (number < 0 || number >= kMethodCount)
-    throw Error(Status::argument, "There is no method " + std::to_string(number), Remedy::call);
-  return kMethods[number];
+  const int index = static_cast<int>(method);
+  if (index < 0 || index >= kMethodCount)
+    throw Error(Status::argument, "There is no method " + std::to_string(index), Remedy::call);
+  return kMethods[index];
 }
 
 }  // namespace dd

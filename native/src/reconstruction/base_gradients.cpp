@@ -19,25 +19,25 @@ namespace {
 std::vector<int> lone_handles(const Region& region, const Components& components) {
   constexpr int kNone = -1;
   std::vector<int> handle(static_cast<size_t>(components.count), kNone);
-  std::vector<int> held(static_cast<size_t>(components.count), 0);
+  std::vector<int> constrained_count(static_cast<size_t>(components.count), 0);
   std::vector<char> mixed(static_cast<size_t>(components.count), 0);
   for (size_t v = 0; v < region.role.size(); ++v) {
     const int role = region.role[v], component = components.of_vertex[v];
     if (role == kFree) continue;
-    if (held[component]++ == 0) handle[component] = role;
+    if (constrained_count[component]++ == 0) handle[component] = role;
     mixed[component] |= handle[component] != role;
   }
   for (size_t c = 0; c < handle.size(); ++c)
-    if (mixed[c] || held[c] < 2 || handle[c] < 0) handle[c] = kNone;
+    if (mixed[c] || constrained_count[c] < 2 || handle[c] < 0) handle[c] = kNone;
   return handle;
 }
 
 /// The active triangles, as indices into active.triangles, without a stand-in in their component.
 std::vector<int> without_stand_in(const StandIns& stand_ins, const ActiveTriangles& active) {
-  std::vector<int> places;
+  std::vector<int> indices;
   for (int i = 0; i < active.size(); ++i)
-    if (stand_ins.of_triangle[active.triangles[i]] < 0) places.push_back(i);
-  return places;
+    if (stand_ins.of_triangle[active.triangles[i]] < 0) indices.push_back(i);
+  return indices;
 }
 
 template <class Real>
@@ -65,11 +65,11 @@ class BaseGradientsOf : public BaseGradients {
     const Triangles& t = surface_.mesh.triangles;
     const int j = of_faces_.empty() ? stand_ins_.of_triangle[face] : of_faces_[face];
     if (j < 0) return of_collapsed(face);
-    const auto place = [&](int k) -> Eigen::Vector3d {
+    const auto position = [&](int k) -> Eigen::Vector3d {
       return Eigen::Vector3d::Map(base_->data() +
                                   4 * Index(surface_.order().row_of_vertex[t(j, k)]));
     };
-    const Eigen::Matrix3d S = edges_and_normal(place(0), place(1), place(2)) *
+    const Eigen::Matrix3d S = edges_and_normal(position(0), position(1), position(2)) *
                               edges_and_normal(rest_, t, j).inverse();  // (15)
     return rotation_only_ ? polar_rotation(S) : S;
   }

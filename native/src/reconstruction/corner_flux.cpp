@@ -31,7 +31,7 @@ CornerFlux::CornerFlux(const FactoredSurface& surface, const std::vector<int>& c
       corners.triangle = active.triangles[chosen[next]];
       corners.flux = flux.middleRows<3>(3 * Index(corners.triangle)).transpose();
       for (int k = 0; k < 3; ++k)
-        corners.target[k] = poisson.target(section, t(corners.triangle, k));
+        corners.target[k] = poisson.right_hand_side_row(section, t(corners.triangle, k));
       corners_.push_back(corners);
     }
   }

@@ -22,9 +22,9 @@ class CornerFlux {
   void add(int section, const GradientOf& gradient_of, double* rows) const {
     for (int k = begin_[section]; k < begin_[section + 1]; ++k) {
       const Corners& corners = corners_[k];
-      const Eigen::Matrix3d turned = gradient_of(k, corners.triangle) * corners.flux;
+      const Eigen::Matrix3d contribution = gradient_of(k, corners.triangle) * corners.flux;
       for (int c = 0; c < 3; ++c)
-        Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(corners.target[c])) += turned.col(c);
+        Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(corners.target[c])) += contribution.col(c);
     }
   }
   int size() const { return static_cast<int>(corners_.size()); }

@@ -43,8 +43,9 @@ TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) 
   return result;
 }
 
-FourthPoints::FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
-                           FourthPointWeights weights, const Progress& progress)
+FourthPointSystem::FourthPointSystem(const Mesh& mesh, const Region& region,
+                                     std::vector<int> triangles, FourthPointWeights weights,
+                                     const Progress& progress)
     : weights_(weights),
       triangles_(std::move(triangles)),
       tets_(with_fourth_points(mesh, triangles_)),
@@ -56,7 +57,8 @@ FourthPoints::FourthPoints(const Mesh& mesh, const Region& region, std::vector<i
       unknowns_(region.free_count() - static_cast<int>(region.grounds.size()) +
                 static_cast<int>(triangles_.size())) {}
 
-void FourthPoints::solve(const GradientSource& source, const RowOrder& order, Rows& offsets) const {
+void FourthPointSystem::solve(const GradientSource& source, const RowOrder& order,
+                              Rows& offsets) const {
   Positions constrained = tets_.positions;
   for (int r = order.free_count; r < order.count(); ++r)
     constrained.row(order.vertex_of_row[r]) += offsets.row(r).head<3>();
@@ -69,7 +71,7 @@ void FourthPoints::solve(const GradientSource& source, const RowOrder& order, Ro
         solved.row(order.vertex_of_row[r]) - tets_.positions.row(order.vertex_of_row[r]);
 }
 
-double FourthPoints::bytes() const {
+double FourthPointSystem::bytes() const {
   const double entries = static_cast<double>(poisson_.laplacian().nonZeros() +
                                              2 * poisson_.gradient_operator().nonZeros());
   return poisson_.factor_bytes() + entries * (sizeof(double) + sizeof(int)) +

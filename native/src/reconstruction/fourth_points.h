@@ -23,12 +23,12 @@ enum class FourthPointWeights {
 
 /// The original formulation of deformation transfer (§3), which the paper's surface formulation
 /// replaces: n + m unknowns in place of n, G̃ᵀ D G̃ p' = G̃ᵀ D S (10).
-class FourthPoints {
+class FourthPointSystem {
  public:
   /// triangles: those of the mesh that enter (10). Throws as with_fourth_points(), and
   /// Error(numeric); progress of the factorization, from 0 to 1.
-  FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
-               FourthPointWeights weights, const Progress& progress = {});
+  FourthPointSystem(const Mesh& mesh, const Region& region, std::vector<int> triangles,
+                    FourthPointWeights weights, const Progress& progress = {});
 
   FourthPointWeights weights() const { return weights_; }
   int unknowns() const { return unknowns_; }

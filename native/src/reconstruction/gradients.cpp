@@ -12,19 +12,20 @@ namespace {
 
 // Thresholds up to which a triangle has no area, see StandIns. Longest edge as a fraction of the
 // size of S. Safety: three corners that nearly coincide.
-constexpr double kShortest = 1e-9;
+constexpr double kMinEdgeOfSize = 1e-9;
 // Height as a fraction of the longest edge. Tuned: below it rounding of the base became a rotation,
 // 1e-6 of the box on meshes with free limbs.
-constexpr double kFlattest = 1e-2;
-// Height as a fraction of the size of S. Tuned: with kFlattest alone a plane of 1 : 100 needles
-// moves 2.6% of the box away from the result of squares; with both limits 0.12%.
-constexpr double kLowest = 1e-5;
+constexpr double kMinHeightOfEdge = 1e-2;
+// Height as a fraction of the size of S. Tuned: with kMinHeightOfEdge alone a plane of 1 : 100
+// needles moves 2.6% of the box away from the result of squares; with both limits 0.12%.
+constexpr double kMinHeightOfSize = 1e-5;
 
 bool has_area(const Positions& p, const Triangles& t, Index j, double size) {
   const Eigen::Vector3d a = p.row(t(j, 0)), b = p.row(t(j, 1)), c = p.row(t(j, 2));
   const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
   const double height = (b - a).cross(c - a).norm() / longest;  // NaN if all corners coincide
-  return longest > kShortest * size && (height > kFlattest * longest || height > kLowest * size);
+  return longest > kMinEdgeOfSize * size &&
+         (height > kMinHeightOfEdge * longest || height > kMinHeightOfSize * size);
 }
 
 }  // namespace
@@ -80,7 +81,7 @@ template <class Real>
 GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions& base,
                                  const StandIns& stand_ins)
     : layout_(surface.poisson->active()),
-      blocks_(layout_.without_targets<TriangleBlock<Real>>(*surface.poisson)) {
+      blocks_(layout_.discarding_blocks<TriangleBlock<Real>>(*surface.poisson)) {
   const PoissonSystem& poisson = *surface.poisson;
   const Triangles& t = surface.operators.triangles;
   const Positions corner_flux =
@@ -93,7 +94,7 @@ GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions
     put(block.shape, lane, frame);
     for (int k = 0; k < 3; ++k) {
       block.source[k][lane] = poisson.order().row_of_vertex[t(stand_in, k)];
-      block.target[k][lane] = poisson.target(section, t(j, k));
+      block.target[k][lane] = poisson.right_hand_side_row(section, t(j, k));
     }
     for (int k = 0; k < 2; ++k) {
       const Eigen::Vector3d flux =

@@ -58,15 +58,16 @@ struct ActiveBlocks {
         body(i, section, begin[section] + k / kLanes, k % kLanes);
       }
   }
-  /// count() blocks whose targets are all the spare row of their section: what unused lanes add is
-  /// never read.
+  /// count() blocks in which the target of every corner is the discard row of its section. The
+  /// caller sets the targets of the lanes that have a triangle; the rows to which the unused lanes
+  /// add are never read.
   template <class Block>
-  std::vector<Block> without_targets(const PoissonSystem& poisson) const {
+  std::vector<Block> discarding_blocks(const PoissonSystem& poisson) const {
     std::vector<Block> blocks(static_cast<size_t>(count()));
     for (int section = 0; section < sections(); ++section)
       for (int b = begin[section]; b < begin[section + 1]; ++b)
         for (auto& corner : blocks[b].target)
-          for (int32_t& row : corner) row = poisson.spare_target(section);
+          for (int32_t& row : corner) row = poisson.discard_row(section);
     return blocks;
   }
   std::vector<int> begin;  ///< first block of each section, and the end
@@ -76,7 +77,7 @@ struct ActiveBlocks {
 /// metric of the surface.
 template <class Real>
 void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const Positions& of,
-               std::vector<TurnBlock<Real>>& blocks) {
+               std::vector<RotatedFluxBlock<Real>>& blocks) {
   const Positions flux =
       corner_divergence(surface.operators.metric, of, surface.operators.triangles);
   const ActiveTriangles& active = surface.poisson->active();
@@ -87,20 +88,22 @@ void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const
   });
 }
 
-/// Input of KernelsOf::turn_pass() for the active triangles, with the flux of positions (n×3) by
-/// the metric of the surface. corner_of(vertex): its row of the quaternions.
+/// Input of KernelsOf::rotated_flux_pass() for the active triangles, with the flux of positions
+/// (n×3) by the metric of the surface. corner_of(vertex): its row of the quaternions.
 template <class Real, class CornerOf>
-std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const ActiveBlocks& layout,
-                                         const Positions& of, const CornerOf& corner_of) {
+std::vector<RotatedFluxBlock<Real>> rotated_flux_blocks(const FactoredSurface& surface,
+                                                        const ActiveBlocks& layout,
+                                                        const Positions& of,
+                                                        const CornerOf& corner_of) {
   const PoissonSystem& poisson = *surface.poisson;
   const Triangles& t = surface.operators.triangles;
-  auto blocks = layout.without_targets<TurnBlock<Real>>(poisson);
+  auto blocks = layout.discarding_blocks<RotatedFluxBlock<Real>>(poisson);
   layout.each(poisson.active(), [&](int i, int section, int b, int lane) {
-    TurnBlock<Real>& block = blocks[b];
+    RotatedFluxBlock<Real>& block = blocks[b];
     const int j = poisson.active().triangles[i];
     for (int k = 0; k < 3; ++k) {
       block.corner[k][lane] = corner_of(t(j, k));
-      block.target[k][lane] = poisson.target(section, t(j, k));
+      block.target[k][lane] = poisson.right_hand_side_row(section, t(j, k));
     }
   });
   take_flux(surface, layout, of, blocks);

@@ -5,7 +5,7 @@
 #include <future>
 #include <utility>
 
-#include "support/beside.h"
+#include "support/run_async.h"
 
 namespace dd {
 
@@ -20,29 +20,31 @@ void Reconstruction::solve(const GradientSource& gradients, Formulation formulat
                                          : FourthPointWeights::ones;
   // Made before the present one is released, since the constructor may throw.
   if (!fourth_points_ || fourth_points_->weights() != weights)
-    fourth_points_ = std::make_unique<FourthPoints>(surface_.mesh, surface_.region,
-                                                    surface_.faces_with_free_corners(), weights);
+    fourth_points_ = std::make_unique<FourthPointSystem>(
+        surface_.mesh, surface_.region, surface_.faces_with_free_corners(), weights);
   fourth_points_->solve(gradients, surface_.order(), offsets);
 }
 
-void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, double held,
+void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, double clamp_weight,
                               Rows& offsets) {
   const auto add = [&](int section, double* rows) { source.add(section, rows); };
-  if (clamps && held == 1) {
+  if (clamps && clamp_weight == 1) {
     clamps->solve(source.at_rest(), add, offsets);
     return;
   }
   surface_.poisson->solve(source.at_rest(), add, offsets);
-  if (!clamps || held == 0) return;
+  if (!clamps || clamp_weight == 0) return;
   const Rows creased = offsets;
   clamps->step(source.at_rest(), add, offsets);
-  offsets = creased + held * (offsets - creased);
+  offsets = creased + clamp_weight * (offsets - creased);
 }
 
 void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& pose,
-                                     const Turning& turning, ClampedPoisson* clamps, double held,
-                                     Rows& offsets) {
-  const auto solve = [&](const FluxSource& source) { solve_by(source, clamps, held, offsets); };
+                                     const Turning& turning, ClampedPoisson* clamps,
+                                     double clamp_weight, Rows& offsets) {
+  const auto solve = [&](const FluxSource& source) {
+    solve_by(source, clamps, clamp_weight, offsets);
+  };
   const auto by_base = [&] {
     gradients.take(pose, true);
     solve(gradients);
@@ -55,7 +57,7 @@ ClampedPoisson* Reconstruction::prepare(const Refined& refined, bool is_refined)
   std::future<void> refinement;
   if (is_refined && refined_length_ != length)
     refinement =
-        beside(surface_.poisson->pool().count(), [this, length] { prepare_refinement(length); });
+        run_async(surface_.poisson->pool().count(), [this, length] { prepare_refinement(length); });
   ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
   if (refinement.valid()) refinement.get();
   return clamps;
@@ -73,18 +75,21 @@ void Reconstruction::prepare_refinement(double length) {
 
 void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
                            const Turning& turning, Rows& offsets) {
-  const bool is_refined = refined.iterations > 0 && turning.share > 0;
+  const bool is_refined = refined.iterations > 0 && turning.refinement_weight > 0;
   ClampedPoisson* const clamps = prepare(refined, is_refined);
   // The last solve of a refinement clamps the rims. Where the unrefined result is mixed in, it is
   // clamped as well, with a weight that falls to 0 as the share approaches 0 or 1.
-  const double held =
-      refined.iterations == 0 ? 1 : std::min({1.0, 5 * turning.share, 5 * (1 - turning.share)});
+  const double clamp_weight =
+      refined.iterations == 0
+          ? 1
+          : std::min({1.0, 5 * turning.refinement_weight, 5 * (1 - turning.refinement_weight)});
   if (!is_refined) {
-    solve_unrefined(gradients, pose, turning, clamps, held, offsets);
+    solve_unrefined(gradients, pose, turning, clamps, clamp_weight, offsets);
     return;
   }
-  const bool mixed = turning.share < 1;
-  if (mixed || refinement_) solve_unrefined(gradients, pose, turning, clamps, held, offsets);
+  const bool mixed = turning.refinement_weight < 1;
+  if (mixed || refinement_)
+    solve_unrefined(gradients, pose, turning, clamps, clamp_weight, offsets);
   Rows unrefined;
   if (mixed) unrefined = offsets;
   if (coarse_refinement_) {
@@ -94,7 +99,7 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
     refinement_->find(refined.iterations, turning, offsets);
     solve_refined(clamps, offsets);
   }
-  if (mixed) offsets = unrefined + turning.share * (offsets - unrefined);
+  if (mixed) offsets = unrefined + turning.refinement_weight * (offsets - unrefined);
 }
 
 void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {

@@ -47,7 +47,7 @@ class Reconstruction {
              const Turning& turning, Rows& offsets);
 
   /// Refinement with a pose of S in place of S, for handles that ask for more than the pose: the
-  /// pose's gradients are turned by the smoothed rotations from the pose to S'. posed:
+  /// pose's gradients are rotated by the smoothed rotations from the pose to S'. posed:
   /// displacements of all rows. offsets: of all rows, in: the start. Runs at least one iteration.
   /// Only where no base was given, since with one the refinement may be on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
@@ -65,16 +65,17 @@ class Reconstruction {
   ClampedPoisson* clamped(double rim_smoothing);
   /// Makes the refinement for this length, on a coarse surface where that pays.
   void prepare_refinement(double length);
-  /// held: weight of the solution with clamped rims against that of (14), 0 to 1.
+  /// clamp_weight: weight of the solution with clamped rims against that of (14), 0 to 1.
   void solve_unrefined(BaseGradients& gradients, const BasePose& pose, const Turning& turning,
-                       ClampedPoisson* clamps, double held, Rows& offsets);
-  void solve_by(const FluxSource& source, ClampedPoisson* clamps, double held, Rows& offsets);
+                       ClampedPoisson* clamps, double clamp_weight, Rows& offsets);
+  void solve_by(const FluxSource& source, ClampedPoisson* clamps, double clamp_weight,
+                Rows& offsets);
   /// The last solve, with the rotations of refinement_.
   void solve_refined(ClampedPoisson* clamps, Rows& offsets);
 
   FactoredSurface& surface_;
   const Positions* base_;
-  std::unique_ptr<FourthPoints> fourth_points_;
+  std::unique_ptr<FourthPointSystem> fourth_points_;
   std::unique_ptr<ClampedPoisson> clamped_;
   double refined_length_ = -1;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;

@@ -35,7 +35,7 @@ class Refinement : public FluxSource {
   virtual double bytes() const = 0;
 };
 
-/// The share of the smoothing in the last of so many iterations. The right-hand side at rest
+/// The fraction of the smoothing in the last of so many iterations. The right-hand side at rest
 /// depends on the number of iterations through it alone.
 double last_smoothing(int iterations);
 

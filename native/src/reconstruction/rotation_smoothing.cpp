@@ -27,14 +27,14 @@ RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double leng
     const int v = order.vertex_of_row[rims[i]];
     for (SparseMatrix::InnerIterator it(surface.operators.laplacian, v); it; ++it)
       if (region.row[it.row()] >= 0)
-        pulls_.push_back({order.row_of_vertex[it.row()], order.free_count + static_cast<int>(i),
-                          -weight * it.value()});
+        couplings_.push_back({order.row_of_vertex[it.row()], order.free_count + static_cast<int>(i),
+                              -weight * it.value()});
   }
   right_ = Rows::Zero(factor_->symbolic().slotted_size(), 4);
 }
 
 template <class Real>
-void RotationSmoothing::run(Real* quaternions, double share) {
+void RotationSmoothing::run(Real* quaternions, double fraction) {
   const auto quaternion = [=](Index row) {
     return Eigen::Map<Eigen::Matrix<Real, 1, 4>>(quaternions + 4 * row);
   };
@@ -42,14 +42,14 @@ void RotationSmoothing::run(Real* quaternions, double share) {
     for (int64_t r = begin; r < end; ++r)
       right_.row(r) = masses_[r] * quaternion(r).template cast<double>();
   });
-  for (const Pull& pull : pulls_)
-    right_.row(pull.row) += pull.weight * quaternion(pull.rim).template cast<double>();
+  for (const Coupling& coupling : couplings_)
+    right_.row(coupling.row) += coupling.weight * quaternion(coupling.rim).template cast<double>();
   factor_->solve_in_order(
-      right_.data(), space_, &poisson_.pool(), [](int) {},
+      right_.data(), scratch_, &poisson_.pool(), [](int) {},
       [&](int begin, int end, const auto* x) {
         Real* to = quaternions + 4 * Index(begin);
         for (Index i = 0; i < 4 * Index(end - begin); ++i)
-          to[i] += static_cast<Real>(share * (static_cast<double>(x[i]) - to[i]));
+          to[i] += static_cast<Real>(fraction * (static_cast<double>(x[i]) - to[i]));
       },
       Columns::four);
 }
@@ -60,8 +60,9 @@ template void RotationSmoothing::run(double*, double);
 double RotationSmoothing::bytes() const {
   return factor_->bytes() +
          static_cast<double>((masses_.size() + right_.size()) * Index(sizeof(double))) +
-         static_cast<double>(pulls_.size() * sizeof(Pull) + space_.single.size() * sizeof(float) +
-                             space_.full.size() * sizeof(double));
+         static_cast<double>(couplings_.size() * sizeof(Coupling) +
+                             scratch_.single.size() * sizeof(float) +
+                             scratch_.full.size() * sizeof(double));
 }
 
 }  // namespace dd

@@ -20,25 +20,25 @@ class RotationSmoothing {
 
   /// quaternions: rows of 4, free vertices in the surface's order, then the Poisson system's rims;
   /// neighbours must have like signs. Free rows are overwritten with smoothed ones, which are
-  /// shorter than 1 where neighbours differ. share: fraction of the way from given to smoothed
+  /// shorter than 1 where neighbours differ. fraction: of the way from given to smoothed
   /// values.
   template <class Real>
-  void run(Real* quaternions, double share = 1);
+  void run(Real* quaternions, double fraction = 1);
 
   double bytes() const;
 
  private:
-  struct Pull {
+  struct Coupling {
     int row, rim;
     double weight;
   };
 
   const PoissonSystem& poisson_;
   std::unique_ptr<SparseCholesky> factor_;
-  Eigen::VectorXd masses_;   // of free rows
-  std::vector<Pull> pulls_;  // −tL between free rows and rims
+  Eigen::VectorXd masses_;           // of free rows
+  std::vector<Coupling> couplings_;  // −tL between free rows and rims
   Rows right_;
-  SparseCholesky::Space space_;
+  SparseCholesky::SolveScratch scratch_;
 };
 
 }  // namespace dd

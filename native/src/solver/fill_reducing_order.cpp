@@ -14,16 +14,16 @@ namespace dd {
 
 namespace {
 
-constexpr int kSmallest = 8;         // vertices of a part that is not cut further
-constexpr int kMostBins = 256;       // candidate positions of a cut along a direction
-constexpr double kLeastShare = 0.3;  // fraction of a part's vertices on each side of a cut
-constexpr double kNarrow = 0.2;      // short directions: at most this of the largest variance
+constexpr int kMinPartToCut = 8;        // vertices of a part that is not cut further
+constexpr int kMostBins = 256;          // candidate positions of a cut along a direction
+constexpr double kLeastShare = 0.3;     // fraction of a part's vertices on each side of a cut
+constexpr double kShortVariance = 0.2;  // short directions: at most this of the largest variance
 // Costs of a cut over the square root of the part's size, 1 for a square grid. Up to
 // kShortSeparator the search ends, which saves time at bind. From kGoodSeparator on short
 // directions are tried, too, as meshes of thin triangles need.
 constexpr double kShortSeparator = 0.9, kGoodSeparator = 1.5;
 constexpr std::memory_order kRelaxed = std::memory_order_relaxed;
-constexpr double kParallel = 0.99;  // cosine above which directions count as the same
+constexpr double kSameDirection = 0.99;  // cosine above which directions count as the same
 
 /// A cut before a bin along a direction. Its separator is the set of vertices on one side that
 /// have neighbours on the other. cost: their number, times up to 1.16 for unequal halves.
@@ -38,9 +38,10 @@ struct Cut {
 
 class Bisector {
  public:
-  Bisector(const SparseMatrix& graph, const Positions& places, Dissection& result, ThreadPool* pool)
+  Bisector(const SparseMatrix& graph, const Positions& positions, Dissection& result,
+           ThreadPool* pool)
       : graph_(graph),
-        places_(places),
+        positions_(positions),
         result_(result),
         order_(static_cast<size_t>(graph.cols())),
         at_(order_.size()) {
@@ -48,7 +49,7 @@ class Bisector {
     // The first levels one after the other, the parts of a level in parallel; then each part
     // recursively in a task of its own.
     std::vector<Part> parts{{0, static_cast<int>(order_.size()), 0}};
-    for (int cuts = 0; cuts < kCutsBeside; ++cuts) {
+    for (int cuts = 0; cuts < kParallelLevels; ++cuts) {
       std::vector<int> middle(parts.size());
       run_tasks(pool, static_cast<int>(parts.size()),
                 [&](int i) { middle[size_t(i)] = cut(parts[size_t(i)]); });
@@ -64,7 +65,7 @@ class Bisector {
   }
 
  private:
-  static constexpr int kCutsBeside = 3;  // levels: 8 parts in parallel
+  static constexpr int kParallelLevels = 3;  // of cuts: 8 parts in parallel
   struct Part {
     int begin, end, depth;  // range of order_; number of cuts that led to it
   };
@@ -85,7 +86,7 @@ class Bisector {
   /// Cuts a part in two; returns where the upper half begins, or the part's end if it is not cut.
   int cut(Part part) {
     const auto [begin, end, depth] = part;
-    if (end - begin <= kSmallest || depth == Dissection::kMostCuts) return end;
+    if (end - begin <= kMinPartToCut || depth == Dissection::kMostCuts) return end;
     const Cut best = best_cut(begin, end);
     set_bins(begin, end, best.direction);
     const uint32_t bit = uint32_t{1} << depth;
@@ -104,16 +105,16 @@ class Bisector {
 
   Cut best_cut(int begin, int end) {
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (int i = begin; i < end; ++i) mean += places_.row(order_[i]).transpose();
+    for (int i = begin; i < end; ++i) mean += positions_.row(order_[i]).transpose();
     mean /= end - begin;
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (int i = begin; i < end; ++i) {
-      const Eigen::Vector3d x = places_.row(order_[i]).transpose() - mean;
+      const Eigen::Vector3d x = positions_.row(order_[i]).transpose() - mean;
       spread += x * x.transpose();
     }
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes;
     axes.computeDirect(spread);
-    const double narrow = kNarrow * axes.eigenvalues()[2];
+    const double narrow = kShortVariance * axes.eigenvalues()[2];
     Cut best;
     // Cuts across long directions first. Short ones are tried only if the best separator so far is
     // large nonetheless, as in meshes of thin triangles.
@@ -126,7 +127,7 @@ class Bisector {
       // The coordinate axes, too, along which many meshes are modelled.
       for (int k = 0; k < 3; ++k)
         if ((spread(k, k) > narrow) == wide && best.cost > kShortSeparator * root &&
-            axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kParallel)
+            axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kSameDirection)
           consider(begin, end, Eigen::Vector3d::Unit(k), best);
     }
     // No direction allows a cut, as positions coincide or form few clusters: halves by index.
@@ -148,13 +149,14 @@ class Bisector {
     }
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (int i = begin; i < end; ++i) {
-      const double x = places_.row(order_[i]).dot(direction);
+      const double x = positions_.row(order_[i]).dot(direction);
       low = std::min(low, x);
       high = std::max(high, x);
     }
     const double scale = high > low ? (bins - 1e-6) / (high - low) : 0;
     for (int i = begin; i < end; ++i)
-      at_[order_[i]].bin = static_cast<int>((places_.row(order_[i]).dot(direction) - low) * scale);
+      at_[order_[i]].bin =
+          static_cast<int>((positions_.row(order_[i]).dot(direction) - low) * scale);
   }
 
   void consider(int begin, int end, const Eigen::Vector3d& direction, Cut& best) {
@@ -193,17 +195,17 @@ class Bisector {
   }
 
   const SparseMatrix& graph_;
-  const Positions& places_;
+  const Positions& positions_;
   Dissection& result_;
   std::vector<int> order_;
   std::vector<Vertex> at_;
 };
 
-Dissection::Dissection(const SparseMatrix& graph, const Positions& places, ThreadPool* pool)
+Dissection::Dissection(const SparseMatrix& graph, const Positions& positions, ThreadPool* pool)
     : sides_(static_cast<size_t>(graph.cols()), 0),
       separator_sides_(sides_.size(), 0),
       cut_count_(sides_.size(), 0) {
-  const Bisector bisector(graph, places, *this, pool);
+  const Bisector bisector(graph, positions, *this, pool);
 }
 
 std::vector<int> Dissection::order(const SparseMatrix& pattern) const {

@@ -17,10 +17,10 @@ namespace dd {
 /// separator of a cut is made of the vertices that have neighbours across it in the matrix.
 class Dissection {
  public:
-  /// graph: n×n, symmetric, both triangles stored. places: n×3. pool: may be null; not kept.
-  Dissection(const SparseMatrix& graph, const Positions& places, ThreadPool* pool = nullptr);
+  /// graph: n×n, symmetric, both triangles stored. positions: n×3. pool: may be null; not kept.
+  Dissection(const SparseMatrix& graph, const Positions& positions, ThreadPool* pool = nullptr);
 
-  /// A fill-reducing order of a matrix on the same vertices: the vertex at each place.
+  /// A fill-reducing order of a matrix on the same vertices: the vertex at each index.
   std::vector<int> order(const SparseMatrix& pattern) const;
 
  private:

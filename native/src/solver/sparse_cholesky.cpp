@@ -29,13 +29,13 @@ SparseCholesky::SparseCholesky(const SparseMatrix& A,
 SparseCholesky::SparseCholesky(std::shared_ptr<const SymbolicCholesky> symbolic,
                                Precision precision)
     : symbolic_(std::move(symbolic)), precision_(precision) {
-  const SymbolicCholesky& e = *symbolic_;
+  const SymbolicCholesky& plan = *symbolic_;
   value_begin_.push_back(0);
-  for (int s = 0; s < e.supernode_count(); ++s) {
-    const int width = e.width(s);
+  for (int s = 0; s < plan.supernode_count(); ++s) {
+    const int width = plan.width(s);
     const int64_t triangle = precision_ == Precision::single ? packed_triangle_size<float>(width)
                                                              : packed_triangle_size<double>(width);
-    value_begin_.push_back(value_begin_.back() + triangle + int64_t{width} * e.height(s));
+    value_begin_.push_back(value_begin_.back() + triangle + int64_t{width} * plan.height(s));
   }
   if (precision_ == Precision::single)
     single_ = RawArray<float>(static_cast<size_t>(entries()));
@@ -99,14 +99,14 @@ class Buffers {
 /// The frontal matrices of a factorization, whose updates are passed from children to parents.
 class Fronts {
  public:
-  Fronts(const SparseMatrix& A, const SymbolicCholesky& e, double smallest_pivot)
+  Fronts(const SparseMatrix& A, const SymbolicCholesky& plan, double smallest_pivot)
       : A_(A),
-        e_(e),
+        plan_(plan),
         smallest_pivot_(smallest_pivot),
-        updates_(static_cast<size_t>(e.supernode_count())),
+        updates_(static_cast<size_t>(plan.supernode_count())),
         children_(updates_.size()) {
-    for (int s = 0; s < e.supernode_count(); ++s)
-      if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
+    for (int s = 0; s < plan.supernode_count(); ++s)
+      if (plan.parent[s] >= 0) children_[plan.parent[s]].push_back(s);
   }
 
   /// Consecutive rows of a front, from first on, that are consecutive in its parent's front, too:
@@ -115,12 +115,19 @@ class Fronts {
     int first, at;
   };
 
+  /// A frontal matrix: the pivot columns, `size` rows each, and the update matrix, height×height.
+  struct Front {
+    double* panel;
+    double* update;
+    int width, height, size;
+  };
+
   /// Scratch of one thread, for supernodes first to last − 1.
   struct Scratch {
-    Scratch(const SymbolicCholesky& e, int first, int last) : place(size_t(e.size())) {
+    Scratch(const SymbolicCholesky& plan, int first, int last) : front_row(size_t(plan.size())) {
       size_t most = 0, widest = 0;
       for (int s = first; s < last; ++s) {
-        const size_t width = size_t(e.width(s)), height = size_t(e.height(s));
+        const size_t width = size_t(plan.width(s)), height = size_t(plan.height(s));
         most = std::max(most, width * (width + 2 * height));
         widest = std::max(widest, width);
       }
@@ -130,18 +137,18 @@ class Fronts {
     }
     RawArray<double> panel, inverse;
     std::vector<double> bounds;
-    RawArray<int> place;  // row in the front, by place
+    RawArray<int> front_row;  // row in the front, by index of the factor
     std::vector<Run> runs;
   };
 
   /// Factors supernode s: C_ss⁻¹ into scratch.inverse, the rows below it into Y, height×width in
   /// scratch.panel, which is returned, and keeps the update matrix for the parent.
   const double* eliminate(int s, Scratch& scratch, ThreadPool* pool) {
-    const int width = e_.width(s), height = e_.height(s), size = width + height;
-    const int first = e_.begin[s];
-    const int* rows = e_.rows.data() + e_.row_begin[s];
-    for (int i = 0; i < width; ++i) scratch.place.data()[first + i] = i;
-    for (int i = 0; i < height; ++i) scratch.place.data()[rows[i]] = width + i;
+    const int width = plan_.width(s), height = plan_.height(s), size = width + height;
+    const int first = plan_.begin[s];
+    const int* rows = plan_.rows.data() + plan_.row_begin[s];
+    for (int i = 0; i < width; ++i) scratch.front_row.data()[first + i] = i;
+    for (int i = 0; i < height; ++i) scratch.front_row.data()[rows[i]] = width + i;
 
     // The panel holds the pivot columns, then Y; the update matrix is separate.
     double* panel = scratch.panel.data();
@@ -154,20 +161,21 @@ class Fronts {
     clear_lower(update.data(), height, height);
     for (int j = 0; j < width; ++j) {
       double diagonal = 0;
-      for (SparseMatrix::InnerIterator it(A_, e_.order[first + j]); it; ++it) {
-        const int row = e_.place_of[it.row()];
+      for (SparseMatrix::InnerIterator it(A_, plan_.order[first + j]); it; ++it) {
+        const int row = plan_.index_of[it.row()];
         if (row < first + j) continue;
-        panel[static_cast<size_t>(j) * size + scratch.place.data()[row]] = it.value();
+        panel[static_cast<size_t>(j) * size + scratch.front_row.data()[row]] = it.value();
         if (row == first + j) diagonal = it.value();
       }
       scratch.bounds[j] = smallest_pivot_ * diagonal;
     }
-    for (int child : children_[s]) add(child, scratch, panel, size, width, update.data(), height);
+    const Front front = {panel, update.data(), width, height, size};
+    for (int child : children_[s]) add(child, front, scratch);
 
     const DenseKernels& dense = dense_kernels();
     const int bad =
         dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
-    if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
+    if (bad >= 0) throw SingularMatrix(plan_.order[first + bad]);
     if (height == 0) return y;
     // Chunks don't depend on the number of threads, so that rounding doesn't either.
     const auto in_chunks = [&](const auto& work) {
@@ -189,14 +197,14 @@ class Fronts {
     for (int j = 0; j < columns; ++j, matrix += rows) std::fill(matrix + j, matrix + rows, 0.0);
   }
 
-  void add(int child, Scratch& scratch, double* panel, int size, int width, double* update,
-           int height) {
-    const int count = e_.height(child);
-    const int* rows = e_.rows.data() + e_.row_begin[child];
+  /// Adds the update matrix of a child to a front, whose rows are in scratch.front_row.
+  void add(int child, const Front& front, Scratch& scratch) {
+    const int count = plan_.height(child);
+    const int* rows = plan_.rows.data() + plan_.row_begin[child];
     std::vector<Run>& runs = scratch.runs;
     runs.clear();
     for (int i = 0; i < count; ++i) {
-      const int at = scratch.place.data()[rows[i]] - i;
+      const int at = scratch.front_row.data()[rows[i]] - i;
       if (runs.empty() || runs.back().at != at) runs.push_back({i, at});
     }
     runs.push_back({count, 0});
@@ -205,9 +213,11 @@ class Fronts {
     for (int j = 0; j < count; ++j, from += count) {
       if (j == runs[of_column + 1].first) ++of_column;
       const int column = j + runs[of_column].at;
-      double* target = column < width
-                           ? panel + static_cast<size_t>(column) * size
-                           : update + static_cast<size_t>(column - width) * height - width;
+      double* target = column < front.width
+                           ? front.panel + static_cast<size_t>(column) * front.size
+                           : front.update +
+                                 static_cast<size_t>(column - front.width) * front.height -
+                                 front.width;
       int i = j;
       for (size_t r = of_column; i < count; ++r) {
         double* shifted = target + runs[r].at;
@@ -218,7 +228,7 @@ class Fronts {
   }
 
   const SparseMatrix& A_;
-  const SymbolicCholesky& e_;
+  const SymbolicCholesky& plan_;
   double smallest_pivot_;
   Buffers buffers_;
   std::vector<RawArray<double>> updates_;  // update matrix of each supernode
@@ -228,12 +238,12 @@ class Fronts {
 }  // namespace
 
 void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options) {
-  const SymbolicCholesky& e = *symbolic_;
-  Fronts fronts(A, e, options.smallest_pivot);
+  const SymbolicCholesky& plan = *symbolic_;
+  Fronts fronts(A, plan, options.smallest_pivot);
   std::mutex reporting;
   int64_t done = 0;  // factored entries, guarded by the mutex
   const auto keep = [&](int s, const Fronts::Scratch& scratch, const double* y) {
-    const int width = e.width(s), height = e.height(s);
+    const int width = plan.width(s), height = plan.height(s);
     const auto write = [&](auto* out) {
       using Real = std::decay_t<decltype(*out)>;
       const auto from = [&out](const double* columns, int stride) {
@@ -249,7 +259,7 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
       write(full_.data() + value_begin_[s]);
   };
   const auto run = [&](int first, int last, ThreadPool* pool) {
-    Fronts::Scratch scratch(e, first, last);
+    Fronts::Scratch scratch(plan, first, last);
     int64_t since_report = 0;
     for (int s = first; s < last; ++s) {
       keep(s, scratch, fronts.eliminate(s, scratch, pool));
@@ -261,18 +271,18 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
              options.stage);
     }
   };
-  run_tasks(options.pool, e.domain_count(),
-            [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); });
-  run(e.domain_begin[e.domain_count()], e.supernode_count(), options.pool);
+  run_tasks(options.pool, plan.domain_count(),
+            [&](int d) { run(plan.domain_begin[d], plan.domain_begin[d + 1], nullptr); });
+  run(plan.domain_begin[plan.domain_count()], plan.supernode_count(), options.pool);
 }
 
 SparseCholesky SparseCholesky::in_single(ThreadPool* pool) const {
-  const SymbolicCholesky& e = *symbolic_;
+  const SymbolicCholesky& plan = *symbolic_;
   SparseCholesky result(symbolic_, Precision::single);
-  run_tasks(pool, e.domain_count() + 1, [&](int part) {
+  run_tasks(pool, plan.domain_count() + 1, [&](int section) {
     std::vector<double> inverse, below;  // column-major
-    for (int s = e.first_supernode(part); s < e.first_supernode(part + 1); ++s) {
-      const int width = e.width(s), height = e.height(s);
+    for (int s = plan.first_supernode(section); s < plan.first_supernode(section + 1); ++s) {
+      const int width = plan.width(s), height = plan.height(s);
       // Zeros above the diagonal: groups of C_ss⁻¹ are larger in single precision and padded with
       // entries that those in double precision don't have.
       inverse.assign(size_t(width) * size_t(width), 0.0);
@@ -293,13 +303,14 @@ SparseCholesky SparseCholesky::in_single(ThreadPool* pool) const {
 
 template <class Real>
 FactorView<Real> SparseCholesky::view() const {
-  const SymbolicCholesky& e = *symbolic_;
+  const SymbolicCholesky& plan = *symbolic_;
   const Real* values;
   if constexpr (sizeof(Real) == sizeof(float))
     values = single_.data();
   else
     values = full_.data();
-  return {e.begin.data(), e.row_begin.data(), e.slots.data(), value_begin_.data(), values};
+  return {plan.begin.data(), plan.row_begin.data(), plan.slotted_rows.data(), value_begin_.data(),
+          values};
 }
 
 template <class Real>
@@ -309,26 +320,27 @@ void SparseCholesky::prepare(RawArray<Real>& x) const {
 }
 
 template <class Real>
-void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x,
+void SparseCholesky::forward(int section, const double* right, RawArray<Real>& x,
                              Columns columns) const {
-  const SymbolicCholesky& e = *symbolic_;
+  const SymbolicCholesky& plan = *symbolic_;
   const auto clear = [&](int begin, int end) {
     std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
   };
-  clear(e.section_begin(part), e.section_begin(part + 1));
-  if (part == e.domain_count()) {
-    for (size_t k = 0; k < e.slot_target.size(); ++k) {
+  clear(plan.section_begin(section), plan.section_begin(section + 1));
+  if (section == plan.domain_count()) {
+    for (size_t k = 0; k < plan.top_index_of_slot.size(); ++k) {
       const size_t slot = 4 * (size_t(size()) + k);
       for (size_t c = 0; c < 4; ++c)
-        x.data()[4 * size_t(e.slot_target[k]) + c] +=
+        x.data()[4 * size_t(plan.top_index_of_slot[k]) + c] +=
             x.data()[slot + c] + static_cast<Real>(right[slot + c]);
     }
   } else {
-    clear(size() + e.slot_begin[part], size() + e.slot_begin[part + 1]);
+    clear(size() + plan.slot_begin[section], size() + plan.slot_begin[section + 1]);
   }
   const KernelsOf<Real>& set = kernels().of<Real>();
   (columns == Columns::three ? set.forward : set.forward_four)(
-      view<Real>(), e.first_supernode(part), e.first_supernode(part + 1), right, x.data());
+      view<Real>(), plan.first_supernode(section), plan.first_supernode(section + 1), right,
+      x.data());
 }
 
 void SparseCholesky::eliminate(int supernode, const double* right, double* x) const {
@@ -336,40 +348,41 @@ void SparseCholesky::eliminate(int supernode, const double* right, double* x) co
 }
 
 template <class Real>
-void SparseCholesky::backward(int part, RawArray<Real>& x, Columns columns) const {
-  const SymbolicCholesky& e = *symbolic_;
-  if (part < e.domain_count())
-    for (int k = e.slot_begin[part]; k < e.slot_begin[part + 1]; ++k)
-      std::copy_n(x.data() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
+void SparseCholesky::backward(int section, RawArray<Real>& x, Columns columns) const {
+  const SymbolicCholesky& plan = *symbolic_;
+  if (section < plan.domain_count())
+    for (int k = plan.slot_begin[section]; k < plan.slot_begin[section + 1]; ++k)
+      std::copy_n(x.data() + 4 * std::ptrdiff_t(plan.top_index_of_slot[k]), 4,
                   x.data() + 4 * (std::ptrdiff_t(size()) + k));
   const KernelsOf<Real>& set = kernels().of<Real>();
   (columns == Columns::three ? set.backward : set.backward_four)(
-      view<Real>(), e.first_supernode(part), e.first_supernode(part + 1), x.data());
+      view<Real>(), plan.first_supernode(section), plan.first_supernode(section + 1), x.data());
 }
 
 RowMatrix SparseCholesky::solve(const RowMatrix& B, ThreadPool* pool) const {
   RowMatrix X(B.rows(), B.cols());
-  Space space;
+  SolveScratch scratch;
   for (FourColumns some(B); some.next();)
     solve_rows(
         some,
         [&](int row, const auto* x) {
           for (Index c = 0; c < some.width(); ++c) X(row, some.first() + c) = x[c];
         },
-        space, pool, some.width() == 4 ? Columns::four : Columns::three);
+        scratch, pool, some.width() == 4 ? Columns::four : Columns::three);
   return X;
 }
 
 SparseMatrix SparseCholesky::in_order(const SparseMatrix& matrix) const {
-  const Eigen::PermutationMatrix<Eigen::Dynamic> places(
-      Eigen::Map<const Eigen::VectorXi>(symbolic_->place_of.data(), matrix.rows()));
-  return matrix.twistedBy(places);
+  const Eigen::PermutationMatrix<Eigen::Dynamic> permutation(
+      Eigen::Map<const Eigen::VectorXi>(symbolic_->index_of.data(), matrix.rows()));
+  return matrix.twistedBy(permutation);
 }
 
 double SparseCholesky::bytes() const {
-  const SymbolicCholesky& e = *symbolic_;
+  const SymbolicCholesky& plan = *symbolic_;
   return static_cast<double>(full_.size() * sizeof(double) + single_.size() * sizeof(float) +
-                             (e.rows.size() + e.slots.size() + 2 * e.order.size()) * sizeof(int) +
+                             (plan.rows.size() + plan.slotted_rows.size() + 2 * plan.order.size()) *
+                                 sizeof(int) +
                              value_begin_.size() * 2 * sizeof(int64_t));
 }
 

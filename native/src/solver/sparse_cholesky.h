@@ -82,7 +82,7 @@ class SparseCholesky {
   const SymbolicCholesky& symbolic() const { return *symbolic_; }
   std::shared_ptr<const SymbolicCholesky> shared_symbolic() const { return symbolic_; }
   int size() const { return symbolic_->size(); }
-  /// order()[k] is the row of A that stands at place k of the factor.
+  /// order()[k] is the row of A that is row k of the factor.
   const std::vector<int>& order() const { return symbolic_->order; }
   /// A matrix of A's size with its rows and columns in the factor's order.
   SparseMatrix in_order(const SparseMatrix& matrix) const;
@@ -92,48 +92,48 @@ class SparseCholesky {
 
   /// Scratch of a solve, slotted_size()×4, to be reused by later ones: allocating the pages of a
   /// large one takes longer than the solve.
-  struct Space {
+  struct SolveScratch {
     RawArray<float> single;
     RawArray<double> full;
     Rows right;  // used by solve_rows() only
   };
 
-  /// Solves A X = B for three or four columns, rows in the factor's order. Parts are the domains
-  /// and the top. right: slotted_size()×4, row-major; the value of a row of the top is the sum of
-  /// the row and its slots. fill(part) is called before a part's rows and slots are read: a frame
-  /// computes its right-hand side there, while it is in the caches. done(begin, end, x) receives
-  /// the rows begin to end − 1 of X, float or double as precision() says. Both are called once for
-  /// each part, from any thread.
+  /// Solves A X = B for three or four columns, rows in the factor's order. Sections are the
+  /// domains and the top. right: slotted_size()×4, row-major; the value of a row of the top is the
+  /// sum of the row and its slots. fill(section) is called before its rows and slots are read: a
+  /// frame computes its right-hand side there, while it is in the caches. done(begin, end, x)
+  /// receives the rows begin to end − 1 of X, float or double as precision() says. Both are called
+  /// once for each section, from any thread.
   template <class Fill, class Done>
-  void solve_in_order(const double* right, Space& space, ThreadPool* pool, const Fill& fill,
-                      const Done& done, Columns columns = Columns::three) const {
+  void solve_in_order(const double* right, SolveScratch& scratch, ThreadPool* pool,
+                      const Fill& fill, const Done& done, Columns columns = Columns::three) const {
     const auto solve = [&](auto& x) {
-      const auto eliminate = [&](int part) {
-        fill(part);
-        forward(part, right, x, columns);
+      const auto eliminate = [&](int section) {
+        fill(section);
+        forward(section, right, x, columns);
       };
       solve_after(eliminate, x, pool, done, columns);
     };
     if (precision_ == Precision::single)
-      solve(space.single);
+      solve(scratch.single);
     else
-      solve(space.full);
+      solve(scratch.full);
   }
 
   /// Solves A X = B for three or four columns, rows in A's own order. right(r) returns row r of B,
   /// four values; take(r, x) receives row r of X, float or double as precision() says. Both are
   /// called once for each row, from any thread.
   template <class Right, class Take>
-  void solve_rows(const Right& right, const Take& take, Space& space, ThreadPool* pool,
+  void solve_rows(const Right& right, const Take& take, SolveScratch& scratch, ThreadPool* pool,
                   Columns columns = Columns::four) const {
     const Index slotted = symbolic_->slotted_size();
-    if (space.right.rows() != slotted) space.right = Rows::Zero(slotted, 4);
+    if (scratch.right.rows() != slotted) scratch.right = Rows::Zero(slotted, 4);
     solve_in_order(
-        space.right.data(), space, pool,
-        [&](int part) {
-          const int end = symbolic_->section_begin(part + 1);
-          for (int k = symbolic_->section_begin(part); k < end; ++k)
-            space.right.row(k) = right(order()[size_t(k)]);
+        scratch.right.data(), scratch, pool,
+        [&](int section) {
+          const int end = symbolic_->section_begin(section + 1);
+          for (int k = symbolic_->section_begin(section); k < end; ++k)
+            scratch.right.row(k) = right(order()[size_t(k)]);
         },
         [&](int begin, int end, const auto* x) {
           for (int k = begin; k < end; ++k, x += 4) take(order()[size_t(k)], x);
@@ -141,18 +141,18 @@ class SparseCholesky {
         columns);
   }
 
-  /// Backward substitution alone, Cᵀ X = Y. fill(part, y) writes a part's rows of Y into y, which
+  /// Backward substitution alone, Cᵀ X = Y. fill(section, y) writes its rows of Y into y, which
   /// holds all size()×4, row-major, float or double as precision() says. done as above.
   template <class Fill, class Done>
-  void solve_second_half(Space& space, ThreadPool* pool, const Fill& fill, const Done& done,
-                         Columns columns = Columns::three) const {
+  void backward_solve(SolveScratch& scratch, ThreadPool* pool, const Fill& fill, const Done& done,
+                      Columns columns = Columns::three) const {
     const auto solve = [&](auto& x) {
-      solve_after([&](int part) { fill(part, x.data()); }, x, pool, done, columns);
+      solve_after([&](int section) { fill(section, x.data()); }, x, pool, done, columns);
     };
     if (precision_ == Precision::single)
-      solve(space.single);
+      solve(scratch.single);
     else
-      solve(space.full);
+      solve(scratch.full);
   }
 
   /// A step of forward substitution, at one supernode, in full precision. x and right:
@@ -175,24 +175,24 @@ class SparseCholesky {
   template <class Real>
   void prepare(RawArray<Real>& x) const;
   template <class Real>
-  void forward(int part, const double* right, RawArray<Real>& x, Columns columns) const;
+  void forward(int section, const double* right, RawArray<Real>& x, Columns columns) const;
   template <class Real>
-  void backward(int part, RawArray<Real>& x, Columns columns) const;
+  void backward(int section, RawArray<Real>& x, Columns columns) const;
 
-  /// Backward substitution after first_half(part), which leaves C⁻¹ B in the rows of that part.
-  template <class Real, class FirstHalf, class Done>
-  void solve_after(const FirstHalf& first_half, RawArray<Real>& x, ThreadPool* pool,
+  /// Backward substitution after eliminate_section(section), which leaves C⁻¹ B in its rows.
+  template <class Real, class Eliminate, class Done>
+  void solve_after(const Eliminate& eliminate_section, RawArray<Real>& x, ThreadPool* pool,
                    const Done& done, Columns columns) const {
-    const SymbolicCholesky& e = *symbolic_;
-    const int domains = e.domain_count();
+    const SymbolicCholesky& plan = *symbolic_;
+    const int domains = plan.domain_count();
     prepare(x);
-    const auto finish = [&](int part) {
-      backward(part, x, columns);
-      const int begin = e.section_begin(part);
-      done(begin, e.section_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
+    const auto finish = [&](int section) {
+      backward(section, x, columns);
+      const int begin = plan.section_begin(section);
+      done(begin, plan.section_begin(section + 1), x.data() + 4 * static_cast<size_t>(begin));
     };
-    run_tasks(pool, domains, first_half);
-    first_half(domains);
+    run_tasks(pool, domains, eliminate_section);
+    eliminate_section(domains);
     finish(domains);
     run_tasks(pool, domains, finish);
   }

@@ -20,14 +20,20 @@ class SparseForward {
 
   bool empty() const { return values_.size() == 0; }
 
-  /// Writes the rows of Y · coefficients at the places of a part (a domain, or the top) into y,
+  /// Writes the rows of Y · coefficients at the rows of a section (a domain, or the top) into y,
   /// which holds all n×4, row-major. coefficients: a row for each column of B.
   template <class Real>
-  void multiply(int part, const Rows& coefficients, Real* y) const;
+  void multiply(int section, const Rows& coefficients, Real* y) const;
 
   double bytes() const;
 
  private:
+  using Paths = std::vector<std::vector<int>>;  // of each column of B, its supernodes, ascending
+  /// Finds the paths and counts the columns and values of each supernode. False, if Y would have
+  /// more entries than `most`.
+  bool find_layout(const SparseMatrix& B, int64_t most, Paths& paths);
+  void eliminate(const SparseCholesky& factor, const SparseMatrix& B, const Paths& paths);
+
   const SymbolicCholesky* symbolic_ = nullptr;
   // Starts, for each supernode, of its non-zero columns in columns_, and of its rows of these, row
   // by row, in values_; and the ends.

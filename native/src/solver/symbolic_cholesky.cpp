@@ -25,13 +25,13 @@ double cost(double width, double height) {
 struct Nodes {
   struct Node {
     int first, end;  // columns of its own
-    int width;       // columns of all its parts
+    int width;       // columns of all its members
     int64_t row_begin;
     int height;
     int parent = -1;
     int first_child = -1, last_child = -1, sibling = -1, previous_sibling = -1;
-    // Linked list of its parts: the supernodes merged into it, and at last itself.
-    int first_part, next_part = -1;
+    // Linked list of its members: the supernodes merged into it, and at last itself.
+    int first_member, next_member = -1;
     bool joined = false;  // merged into its parent
     double weight = 0;    // cost of its subtree
   };
@@ -65,7 +65,7 @@ struct Nodes {
   void join(int s, int child) {
     Node &node = nodes[size_t(s)], &joining = nodes[size_t(child)];
     joining.joined = true;
-    joining.next_part = std::exchange(node.first_part, joining.first_part);
+    joining.next_member = std::exchange(node.first_member, joining.first_member);
     node.width += joining.width;
     remove_child(s, child);
     for (int c = joining.first_child; c >= 0;) {
@@ -78,12 +78,12 @@ struct Nodes {
 
 /// Parent of each column in the elimination tree (Liu 1986).
 std::vector<int> elimination_tree(const SparseMatrix& pattern, const std::vector<int>& order,
-                                  const std::vector<int>& place_of) {
+                                  const std::vector<int>& index_of) {
   const int n = static_cast<int>(order.size());
   std::vector<int> parent(order.size(), -1), ancestor(order.size(), -1);
   for (int k = 0; k < n; ++k) {
     for (SparseMatrix::InnerIterator it(pattern, order[k]); it; ++it) {
-      for (int i = place_of[it.row()]; i != -1 && i < k;) {
+      for (int i = index_of[it.row()]; i != -1 && i < k;) {
         const int next = ancestor[i];
         ancestor[i] = k;
         if (next == -1) parent[i] = k;
@@ -123,29 +123,29 @@ std::vector<int> postorder(const std::vector<int>& parent) {
   return result;
 }
 
-void invert(const std::vector<int>& order, std::vector<int>& place_of) {
-  place_of.resize(order.size());
-  for (size_t k = 0; k < order.size(); ++k) place_of[order[k]] = static_cast<int>(k);
+void invert(const std::vector<int>& order, std::vector<int>& index_of) {
+  index_of.resize(order.size());
+  for (size_t k = 0; k < order.size(); ++k) index_of[order[k]] = static_cast<int>(k);
 }
 
 /// The fundamental supernodes, runs of columns with the same rows below, and these rows, by
 /// symbolic elimination column by column.
 Nodes fundamental_supernodes(const SparseMatrix& pattern, const std::vector<int>& order,
-                             const std::vector<int>& place_of, const std::vector<int>& parent) {
+                             const std::vector<int>& index_of, const std::vector<int>& parent) {
   const int n = static_cast<int>(order.size());
   std::vector<int> child_count(order.size(), 0), seen_by(order.size(), -1);
-  // Linked lists of the supernodes whose last column has column j as its parent: the list's end for
-  // each j, and each one's predecessor.
-  std::vector<int> last_hanging(order.size(), -1), hung_before;
+  // The children of the supernode that begins with column j: the supernodes whose last columns have
+  // j as their parent in the elimination tree. Linked lists from the last child to the first.
+  std::vector<int> last_child_at(order.size(), -1), previous_child;
   for (int j = 0; j < n; ++j)
     if (parent[j] >= 0) ++child_count[parent[j]];
   Nodes result;
   std::vector<int>& rows = result.rows;
-  const auto joins = [&](int j) {
+  const auto continues_supernode = [&](int j) {
     if (j == 0 || parent[j - 1] != j || child_count[j] != 1) return false;
     const int last = result.count() - 1;
     for (SparseMatrix::InnerIterator it(pattern, order[j]); it; ++it) {
-      const int i = place_of[it.row()];
+      const int i = index_of[it.row()];
       if (i > j && seen_by[i] != last) return false;
     }
     return true;
@@ -158,33 +158,33 @@ Nodes fundamental_supernodes(const SparseMatrix& pattern, const std::vector<int>
                               [end](int row) { return row < end; }),
                rows.end());
     node.height = static_cast<int>(int64_t(rows.size()) - node.row_begin);
-    hung_before.push_back(-1);
+    previous_child.push_back(-1);
     if (parent[end - 1] >= 0)
-      hung_before.back() = std::exchange(last_hanging[parent[end - 1]], result.count() - 1);
+      previous_child.back() = std::exchange(last_child_at[parent[end - 1]], result.count() - 1);
   };
-  std::vector<int> hanging;
+  std::vector<int> children;
   for (int j = 0; j < n; ++j) {
-    if (joins(j)) continue;
+    if (continues_supernode(j)) continue;
     if (j > 0) finish(j);
     const int s = result.count();
     result.nodes.emplace_back();
     Nodes::Node& node = result.nodes.back();
     node.first = j;
-    node.first_part = s;
+    node.first_member = s;
     node.row_begin = static_cast<int64_t>(rows.size());
     const auto add = [&](int i) {
       if (i <= j || seen_by[i] == s) return;
       seen_by[i] = s;
       rows.push_back(i);
     };
-    hanging.clear();
-    for (int c = last_hanging[j]; c >= 0; c = hung_before[c]) hanging.push_back(c);
-    for (size_t i = hanging.size(); i-- > 0;) {
-      const Nodes::Node& child = result[hanging[i]];
+    children.clear();
+    for (int c = last_child_at[j]; c >= 0; c = previous_child[c]) children.push_back(c);
+    for (size_t i = children.size(); i-- > 0;) {
+      const Nodes::Node& child = result[children[i]];
       for (int64_t k = child.row_begin; k < child.row_begin + child.height; ++k) add(rows[k]);
-      result.append_child(s, hanging[i]);
+      result.append_child(s, children[i]);
     }
-    for (SparseMatrix::InnerIterator it(pattern, order[j]); it; ++it) add(place_of[it.row()]);
+    for (SparseMatrix::InnerIterator it(pattern, order[j]); it; ++it) add(index_of[it.row()]);
   }
   if (n > 0) finish(n);
   return result;
@@ -274,37 +274,37 @@ std::vector<int> final_sequence(Nodes& nodes, std::vector<int>& domain_begin) {
 
 SymbolicCholesky::SymbolicCholesky(const SparseMatrix& pattern, const std::vector<int>& first_order)
     : order(first_order) {
-  invert(order, place_of);
-  std::vector<int> tree = elimination_tree(pattern, order, place_of);
+  invert(order, index_of);
+  std::vector<int> tree = elimination_tree(pattern, order, index_of);
   {
     const std::vector<int> sequence = postorder(tree);
-    std::vector<int> renumbered, place_in_sequence, renumbered_tree;
-    invert(sequence, place_in_sequence);
+    std::vector<int> renumbered, index_in_sequence, renumbered_tree;
+    invert(sequence, index_in_sequence);
     for (int k : sequence) {
       renumbered.push_back(order[k]);
-      renumbered_tree.push_back(tree[k] < 0 ? -1 : place_in_sequence[tree[k]]);
+      renumbered_tree.push_back(tree[k] < 0 ? -1 : index_in_sequence[tree[k]]);
     }
     order = std::move(renumbered);
     tree = std::move(renumbered_tree);
-    invert(order, place_of);
+    invert(order, index_of);
   }
-  Nodes nodes = fundamental_supernodes(pattern, order, place_of, tree);
+  Nodes nodes = fundamental_supernodes(pattern, order, index_of, tree);
   relax(nodes);
   const std::vector<int> sequence = final_sequence(nodes, domain_begin);
 
-  std::vector<int> new_place(order.size()), new_number(size_t(nodes.count()), -1), new_order;
+  std::vector<int> new_index(order.size()), new_number(size_t(nodes.count()), -1), new_order;
   new_order.reserve(order.size());
   begin.push_back(0);
   row_begin.push_back(0);
   for (size_t i = 0; i < sequence.size(); ++i) {
     new_number[sequence[i]] = static_cast<int>(i);
     const Nodes::Node& node = nodes[sequence[i]];
-    for (int part = node.first_part;; part = nodes[part].next_part) {
-      for (int column = nodes[part].first; column < nodes[part].end; ++column) {
-        new_place[column] = static_cast<int>(new_order.size());
+    for (int member = node.first_member;; member = nodes[member].next_member) {
+      for (int column = nodes[member].first; column < nodes[member].end; ++column) {
+        new_index[column] = static_cast<int>(new_order.size());
         new_order.push_back(order[column]);
       }
-      if (part == sequence[i]) break;
+      if (member == sequence[i]) break;
     }
     begin.push_back(static_cast<int>(new_order.size()));
     row_begin.push_back(row_begin.back() + node.height);
@@ -314,32 +314,32 @@ SymbolicCholesky::SymbolicCholesky(const SparseMatrix& pattern, const std::vecto
     const Nodes::Node& node = nodes[s];
     const auto first = static_cast<std::ptrdiff_t>(rows.size());
     for (int64_t k = node.row_begin; k < node.row_begin + node.height; ++k)
-      rows.push_back(new_place[nodes.rows[k]]);
+      rows.push_back(new_index[nodes.rows[k]]);
     std::sort(rows.begin() + first, rows.end());
     parent.push_back(node.parent < 0 ? -1 : new_number[node.parent]);
   }
   order = std::move(new_order);
-  invert(order, place_of);
+  invert(order, index_of);
   make_slots();
 }
 
 void SymbolicCholesky::make_slots() {
-  slots = rows;
+  slotted_rows = rows;
   std::vector<int> slot_of(order.size(), -1);
   for (int d = 0; d < domain_count(); ++d) {
-    slot_begin.push_back(static_cast<int>(slot_target.size()));
+    slot_begin.push_back(static_cast<int>(top_index_of_slot.size()));
     const int end = section_begin(d + 1);
     for (int64_t k = row_begin[domain_begin[d]]; k < row_begin[domain_begin[d + 1]]; ++k) {
       const int row = rows[k];
       if (row < end) continue;
       if (slot_of[row] < size() + slot_begin.back()) {
         slot_of[row] = slotted_size();
-        slot_target.push_back(row);
+        top_index_of_slot.push_back(row);
       }
-      slots[k] = slot_of[row];
+      slotted_rows[k] = slot_of[row];
     }
   }
-  slot_begin.push_back(static_cast<int>(slot_target.size()));
+  slot_begin.push_back(static_cast<int>(top_index_of_slot.size()));
 }
 
 }  // namespace dd

@@ -25,7 +25,8 @@ UpdatedCholesky::UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors,
   small_.compute(Eigen::MatrixXd::Identity(count, count) + core_ * inner);
 }
 
-void UpdatedCholesky::update(Rows& solution, SparseCholesky::Space& space, ThreadPool* pool) const {
+void UpdatedCholesky::update(Rows& solution, SparseCholesky::SolveScratch& scratch,
+                             ThreadPool* pool) const {
   const Eigen::MatrixXd shares =
       small_.solve(core_ * Eigen::MatrixXd(vectors_.transpose() * solution));
   const Rows pulled = vectors_ * shares;
@@ -33,7 +34,7 @@ void UpdatedCholesky::update(Rows& solution, SparseCholesky::Space& space, Threa
                      [&](int row, const auto* x) {
                        for (int c = 0; c < 4; ++c) solution(row, c) -= x[c];
                      },
-                     space, pool);
+                     scratch, pool);
 }
 
 double UpdatedCholesky::bytes() const {

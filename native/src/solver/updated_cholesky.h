@@ -21,9 +21,9 @@ class UpdatedCholesky {
                   ThreadPool* pool);
 
   /// Solves for four columns. right(r): returns row r of the right-hand side; called from any
-  /// thread. solution: resized to n×4. space: scratch, to be reused.
+  /// thread. solution: resized to n×4. scratch: buffers, to be reused.
   template <class Right>
-  void solve_rows(const Right& right, Rows& solution, SparseCholesky::Space& space,
+  void solve_rows(const Right& right, Rows& solution, SparseCholesky::SolveScratch& scratch,
                   ThreadPool* pool) const {
     solution.resize(factor_.size(), 4);
     factor_.solve_rows(
@@ -31,8 +31,8 @@ class UpdatedCholesky {
         [&](int row, const auto* x) {
           for (int c = 0; c < 4; ++c) solution(row, c) = x[c];
         },
-        space, pool);
-    if (!plain()) update(solution, space, pool);
+        scratch, pool);
+    if (!plain()) update(solution, scratch, pool);
   }
 
   std::shared_ptr<const SymbolicCholesky> shared_symbolic() const {
@@ -45,7 +45,7 @@ class UpdatedCholesky {
 
  private:
   /// Turns A⁻¹ B into the solution for the sum.
-  void update(Rows& solution, SparseCholesky::Space& space, ThreadPool* pool) const;
+  void update(Rows& solution, SparseCholesky::SolveScratch& scratch, ThreadPool* pool) const;
 
   SparseCholesky factor_;
   SparseMatrix vectors_;

@@ -5,12 +5,12 @@
 
 namespace dd {
 
-std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
+std::vector<int> min_cost_assignment(const Eigen::MatrixXd& costs) {
   const size_t rows = static_cast<size_t>(costs.rows()),
                columns = static_cast<size_t>(costs.cols());
   std::vector<int> result(rows, -1);
   if (rows > columns) {
-    const std::vector<int> of_columns = least_assignment(costs.transpose());
+    const std::vector<int> of_columns = min_cost_assignment(costs.transpose());
     for (size_t c = 0; c < columns; ++c)
       if (of_columns[c] >= 0) result[size_t(of_columns[c])] = static_cast<int>(c);
     return result;

@@ -24,12 +24,12 @@ struct Spread {
 };
 
 // Largest ratio of misfit to spread (root mean squares) of a copy, whose points alone decide.
-constexpr double kExact = 1e-3;
+constexpr double kMaxMisfitOfCopy = 1e-3;
 // Least ratio of the smallest to the largest singular value of the points' cross-covariance, that
 // is of squared extents: a reflection fits flatter points as well as a rotation.
-constexpr double kSolid = 1e-2;
+constexpr double kMinSingularValueRatio = 1e-2;
 // Largest ratio of a reflection's squared misfit to a rotation's at which points are mirrored.
-constexpr double kClearly = 0.5;
+constexpr double kMaxReflectedMisfit = 0.5;
 
 Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, const Spread& to) {
   Similarity fit;
@@ -44,17 +44,17 @@ Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, co
 /// have little influence. A weak pull towards guess decides where nearly parallel normals don't.
 Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
                                  const Eigen::VectorXd& weights, const Eigen::Matrix3d& guess) {
-  constexpr int kRounds = 20;  // iterations
-  // kNoise: difference of unit normals (11°) below which the norm is nearly quadratic. kGuess: the
-  // guess's weight as a fraction of the normals' sum.
-  constexpr double kNoise = 0.2, kGuess = 0.02;
+  constexpr int kIterations = 20;
+  // kNormalNoise: difference of unit normals (11°) below which the norm is nearly quadratic.
+  // kGuessWeight: the guess's weight as a fraction of the normals' sum.
+  constexpr double kNormalNoise = 0.2, kGuessWeight = 0.02;
   Eigen::Matrix3d rotation = guess;
   Eigen::VectorXd now = weights;
-  for (int round = 0; round < kRounds; ++round) {
-    const Eigen::Matrix3d both = to.transpose() * now.asDiagonal() * from;
-    rotation = polar_rotation(both + kGuess * now.sum() * guess);
+  for (int round = 0; round < kIterations; ++round) {
+    const Eigen::Matrix3d covariance = to.transpose() * now.asDiagonal() * from;
+    rotation = polar_rotation(covariance + kGuessWeight * now.sum() * guess);
     const Eigen::VectorXd apart = (to - from * rotation.transpose()).rowwise().squaredNorm();
-    now = weights.array() / (apart.array() + kNoise * kNoise).sqrt();
+    now = weights.array() / (apart.array() + kNormalNoise * kNormalNoise).sqrt();
   }
   return rotation;
 }
@@ -62,9 +62,9 @@ Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
 /// Weight in [0, 1] of an angle between two placements: 0 up to 3°, which a difference of shape
 /// explains, 1 from 5° on, linear between. Heads of one family are tilted by up to 2.2°
 /// (native/bench/RESULTS.md).
-double matters(double angle) {
-  constexpr double kDegree = kPi / 180, kNone = 3 * kDegree, kAll = 5 * kDegree;
-  return std::clamp((angle - kNone) / (kAll - kNone), 0.0, 1.0);
+double placement_weight(double angle) {
+  constexpr double kDegree = kPi / 180, kIgnored = 3 * kDegree, kFull = 5 * kDegree;
+  return std::clamp((angle - kIgnored) / (kFull - kIgnored), 0.0, 1.0);
 }
 
 Eigen::Matrix3d nearest_of_axes(const Eigen::Matrix3d& rotation) {
@@ -93,60 +93,66 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights) {
   if (!(weights.sum() > 0)) return {};
   const Spread of(from, weights), onto(to, weights);
-  const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
-  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
+  const Eigen::Matrix3d covariance = onto.arms.transpose() * weights.asDiagonal() * of.arms;
+  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(covariance).singularValues();
   const bool on_a_line = !(values[1] > 1e-6 * values[0]);
   return with_rotation(
-      on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(both), of, onto);
+      on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(covariance), of,
+      onto);
 }
 
 bool is_mirror_image(const Positions& from, const Positions& to, const Eigen::VectorXd& weights) {
   if (!(weights.sum() > 0)) return false;
   const Spread of(from, weights), onto(to, weights);
-  const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
-  if (!(both.determinant() < 0)) return false;
-  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
+  const Eigen::Matrix3d covariance = onto.arms.transpose() * weights.asDiagonal() * of.arms;
+  if (!(covariance.determinant() < 0)) return false;
+  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(covariance).singularValues();
   const double whole = std::sqrt(of.square * onto.square);
   const double reflected = whole - values.sum(), rotated = reflected + 2 * values[2];
-  return values[2] > kSolid * values[0] && reflected < kClearly * rotated;
+  return values[2] > kMinSingularValueRatio * values[0] &&
+         reflected < kMaxReflectedMisfit * rotated;
 }
 
 namespace {
 
-Similarity upright_stance(const OrientedPoints& from, const OrientedPoints& to,
-                          const Eigen::VectorXd& weights) {
-  const Similarity fit = fitted_similarity(from.places, to.places, weights);
+Similarity upright_placement(const OrientedPoints& from, const OrientedPoints& to,
+                             const Eigen::VectorXd& weights) {
+  const Similarity fit = fitted_similarity(from.positions, to.positions, weights);
   if (!(weights.sum() > 0)) return fit;
-  const Spread of(from.places, weights), onto(to.places, weights);
+  const Spread of(from.positions, weights), onto(to.positions, weights);
   const Positions misfit = onto.arms - fit.scale * of.arms * fit.rotation.transpose();
-  if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
+  if (misfit.rowwise().squaredNorm().dot(weights) <
+      kMaxMisfitOfCopy * kMaxMisfitOfCopy * onto.square)
+    return fit;
 
   const Eigen::Matrix3d most = rotation_of_most(from.normals, to.normals, weights, fit.rotation);
   const Eigen::Vector3d apart = rotation_vector(fit.rotation.transpose() * most);
-  const Eigen::Matrix3d found = fit.rotation * rotation_by(matters(apart.norm()) * apart);
+  const Eigen::Matrix3d found = fit.rotation * rotation_by(placement_weight(apart.norm()) * apart);
 
   const Eigen::Matrix3d upright = nearest_of_axes(found);
   const auto turned = [&](const Eigen::Matrix3d& rotation) {
     return rotation_vector(upright.transpose() * rotation);
   };
   const double least = std::min(turned(most).norm(), turned(fit.rotation).norm());
-  return with_rotation(upright * rotation_by(matters(least) * turned(found)), of, onto);
+  return with_rotation(upright * rotation_by(placement_weight(least) * turned(found)), of, onto);
 }
 
 }  // namespace
 
-Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
-                         const Eigen::VectorXd& weights) {
-  if (!is_mirror_image(from.places, to.places, weights)) return upright_stance(from, to, weights);
+Similarity fitted_placement(const OrientedPoints& from, const OrientedPoints& to,
+                            const Eigen::VectorXd& weights) {
+  if (!is_mirror_image(from.positions, to.positions, weights))
+    return upright_placement(from, to, weights);
   const Eigen::Vector3d reflection(-1, 1, 1);
-  OrientedPoints image = {from.places * reflection.asDiagonal(),
+  OrientedPoints image = {from.positions * reflection.asDiagonal(),
                           from.normals * reflection.asDiagonal()};
   // If the source's triangles are not reversed by the reflection, its normals point inwards.
-  const Eigen::Matrix3d rotation = fitted_similarity(image.places, to.places, weights).rotation;
+  const Eigen::Matrix3d rotation =
+      fitted_similarity(image.positions, to.positions, weights).rotation;
   const Eigen::VectorXd agreement =
       (image.normals * rotation.transpose()).cwiseProduct(to.normals).rowwise().sum();
   if (agreement.dot(weights) < 0) image.normals *= -1;
-  Similarity fit = upright_stance(image, to, weights);
+  Similarity fit = upright_placement(image, to, weights);
   fit.rotation = fit.rotation * reflection.asDiagonal();
   fit.mirrored = true;
   return fit;

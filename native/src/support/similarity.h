@@ -42,7 +42,7 @@ bool is_mirror_image(const Positions& from, const Positions& to, const Eigen::Ve
 
 /// Points of a surface and its unit normals there, n×3 each.
 struct OrientedPoints {
-  Positions places, normals;
+  Positions positions, normals;
 };
 
 /// The placement of one surface relative to another of a different shape: fitted_similarity(),
@@ -51,8 +51,8 @@ struct OrientedPoints {
 /// axes, the result is that one, as meshes are modelled along axes. Both tests ignore angles up to
 /// 3° and count angles from 5° on fully. Mirror images get the same fit after a reflection,
 /// whatever the orientation of their triangles.
-Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
-                         const Eigen::VectorXd& weights);
+Similarity fitted_placement(const OrientedPoints& from, const OrientedPoints& to,
+                            const Eigen::VectorXd& weights);
 
 /// The 24 rotations that map coordinate axes to coordinate axes, the identity first.
 std::vector<Eigen::Matrix3d> rotations_of_axes();

@@ -22,9 +22,9 @@ namespace {
 /// for more.
 constexpr int kMostThreads = 8;
 /// How long a worker spins before it sleeps: several times the pause between parts of a frame.
-constexpr auto kAwake = std::chrono::microseconds(200);
+constexpr auto kSpinTime = std::chrono::microseconds(200);
 /// Callers that can share the workers at once; any further one runs its tasks itself.
-constexpr int kMostRounds = 16;
+constexpr int kMaxSharedRounds = 16;
 
 void pause() {
 #if defined(__x86_64__) || defined(_M_X64)
@@ -150,7 +150,7 @@ class Workers {
   /// A free round, or -1.
   int take() {
     uint32_t taken = taken_;
-    for (int slot = 0; slot < kMostRounds;) {
+    for (int slot = 0; slot < kMaxSharedRounds;) {
       if (taken & (1u << slot))
         ++slot;
       else if (taken_.compare_exchange_weak(taken, taken | (1u << slot)))
@@ -169,7 +169,7 @@ class Workers {
 
   void help() {
     for (unsigned seen = 0;;) {
-      const auto until = std::chrono::steady_clock::now() + kAwake;
+      const auto until = std::chrono::steady_clock::now() + kSpinTime;
       while (epoch_ == seen) {
         for (int i = 0; i < 64 && epoch_ == seen; ++i) pause();
         if (std::chrono::steady_clock::now() < until) continue;
@@ -180,7 +180,7 @@ class Workers {
       }
       seen = epoch_;
       if (leave_) return;
-      for (int slot = 0; slot < kMostRounds; ++slot)
+      for (int slot = 0; slot < kMaxSharedRounds; ++slot)
         if (open_ & (1u << slot)) help_with(slot);
     }
   }
@@ -192,7 +192,7 @@ class Workers {
   std::atomic<bool> leave_{false};
   int asleep_ = 0;                            // under mutex_
   std::atomic<uint32_t> taken_{0}, open_{0};  // a bit a round
-  std::array<Round, kMostRounds> rounds_;
+  std::array<Round, kMaxSharedRounds> rounds_;
 };
 
 ThreadPool::ThreadPool(int count) {

@@ -16,12 +16,12 @@ namespace {
 
 // √a at rims and the distance at which it has fallen to 0, both in lengths. Larger values hold the
 // slope farther in and cost entries of the factor.
-constexpr double kAtRims = 1.5, kReachOfRims = 2.5;
+constexpr double kRimStiffness = 1.5, kRimWidth = 2.5;
 // Errors of a single-precision solve for a solution as large as the mesh, in a box of diagonal 1.
-// Up to kEnough, the limit of PoissonSystem, it is used as it is. Below kWorthCorrecting at most
-// three corrections follow, each of which is expected to reduce the error by that factor. Else the
-// factor is kept in double precision.
-constexpr double kEnough = 3e-6, kWorthCorrecting = 0.02;
+// Up to kAcceptedError, the limit of PoissonSystem, it is used as it is. Below kCorrectableError at
+// most three corrections follow, each of which is expected to reduce the error by that factor. Else
+// the factor is kept in double precision.
+constexpr double kAcceptedError = 3e-6, kCorrectableError = 0.02;
 
 /// The diagonal of W, n.
 Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
@@ -29,14 +29,14 @@ Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
                               double length) {
   std::vector<char> is_rim(region.role.size(), 0);
   for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
-  const double reach = kReachOfRims * length;
+  const double reach = kRimWidth * length;
   // Fast marching loses accuracy at obtuse corners, so it uses the flipped triangles as well.
   const std::vector<double> distance =
       operators.flipped ? geodesic_distances({mesh.positions, operators.triangles}, is_rim, reach)
                         : geodesic_distances(mesh, is_rim, reach);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(mesh.vertex_count());
   for (int v = 0; v < mesh.vertex_count(); ++v) {
-    const double size = kAtRims * length * (1 - distance[v] / reach);
+    const double size = kRimStiffness * length * (1 - distance[v] / reach);
     if (size > 0) weights[v] = size * size / operators.masses[v];
   }
   for (int hub : find_hubs(operators.laplacian, region)) weights[hub] = 0;
@@ -55,7 +55,7 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const SurfaceOpera
   const auto add = [&](int at, int other, double weight) {
     const int row = order.row_of_vertex[at];
     if (row < order.free_count) return;
-    Entries& entries = of_rims[poisson.active_place(row) - order.free_count];
+    Entries& entries = of_rims[poisson.active_index(row) - order.free_count];
     entries[row] += weight;
     entries[order.row_of_vertex[other]] -= weight;
   };
@@ -94,18 +94,18 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
   const int active_rows = poisson.active_vertex_count();
 
   const Eigen::VectorXd weights = slope_weights(mesh, region, operators, poisson, length);
-  SparseMatrix block = bending_block(operators.laplacian, region, weights);
+  SparseMatrix block = weighted_bilaplacian_block(operators.laplacian, region, weights);
   block += free_block(operators.laplacian, region);
   ground(block, region);
   BlockOptions options;
   options.precision = poisson.precision();
   options.pool = &poisson.pool();
-  options.smallest_pivot = kSmallestOfK;
+  options.smallest_pivot = kSmallestPivotOfK;
   options.dissection = &dissection;
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
   options.symbolic = factor_->shared_symbolic();
 
-  for (int r : factor_->order()) row_of_place_.push_back(order.row_of_vertex[region.free[r]]);
+  for (int r : factor_->order()) row_of_index_.push_back(order.row_of_vertex[region.free[r]]);
   weights_.resize(active_rows);
   for (int i = 0; i < active_rows; ++i) weights_[i] = weights[poisson.active_vertex(i)];
   laplacian_ = active_laplacian(operators, poisson);
@@ -126,9 +126,9 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
   for (int r = 0; r < free_count; ++r)
     smooth.row(r) << mesh.positions.row(order.vertex_of_row[r]), 0;
   const double error = solving_error(block, smooth);
-  if (error <= kEnough) return;
-  if (error < kWorthCorrecting) {
-    for (double left = error; left > kEnough; left *= error) ++corrections_;
+  if (error <= kAcceptedError) return;
+  if (error < kCorrectableError) {
+    for (double left = error; left > kAcceptedError; left *= error) ++corrections_;
     return;
   }
   options.precision = Precision::full;
@@ -136,30 +136,31 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
 }
 
 double ClampedPoisson::solving_error(const SparseMatrix& block, const Rows& smooth) {
-  Rows at_places(smooth.rows(), 4);
+  Rows in_block_order(smooth.rows(), 4);
   const std::vector<int>& order = factor_->order();
-  for (Index k = 0; k < smooth.rows(); ++k) at_places.row(order[k]) = smooth.row(row_of_place_[k]);
-  const Rows right = block * at_places;
+  for (Index k = 0; k < smooth.rows(); ++k)
+    in_block_order.row(order[k]) = smooth.row(row_of_index_[k]);
+  const Rows right = block * in_block_order;
   for (Index k = 0; k < smooth.rows(); ++k) right_.row(k) = right.row(order[k]);
   double error = 0;
   factor_->solve_in_order(
-      right_.data(), space_, nullptr, [](int) {},
+      right_.data(), scratch_, nullptr, [](int) {},
       [&](int begin, int end, const auto* x) {
         for (int k = begin; k < end; ++k, x += 4)
           for (int c = 0; c < 3; ++c)
-            error = std::max(error, std::abs(double(x[c]) - smooth(row_of_place_[k], c)));
+            error = std::max(error, std::abs(double(x[c]) - smooth(row_of_index_[k], c)));
       });
   return std::isfinite(error) ? error : 1;
 }
 
-void ClampedPoisson::correct(const Rows& divergence, Rows& offsets, From from) {
+void ClampedPoisson::correct(const Rows& divergence, Rows& offsets, Start start) {
   const int free_count = poisson_.order().free_count;
   ThreadPool& pool = poisson_.pool();
   pool.parallel_for(residual_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const bool free = i < free_count;
       Eigen::RowVector4d row = divergence.row(free ? i : poisson_.rim_begin() + (i - free_count));
-      if (from == From::anywhere || !free || at_rims_[i])
+      if (start == Start::current || !free || at_rims_[i])
         for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
           row -= it.value() * offsets.row(it.col());
       residual_.row(i) = row;
@@ -169,7 +170,7 @@ void ClampedPoisson::correct(const Rows& divergence, Rows& offsets, From from) {
   });
   pool.parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t k = begin; k < end; ++k) {
-      const int i = row_of_place_[size_t(k)];
+      const int i = row_of_index_[size_t(k)];
       Eigen::RowVector4d sum = residual_.row(i);
       if (near_rims_[i])
         for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
@@ -178,10 +179,10 @@ void ClampedPoisson::correct(const Rows& divergence, Rows& offsets, From from) {
     }
   });
   factor_->solve_in_order(
-      right_.data(), space_, &pool, [](int) {},
+      right_.data(), scratch_, &pool, [](int) {},
       [&](int begin, int end, const auto* x) {
         for (int k = begin; k < end; ++k, x += 4) {
-          double* row = offsets.data() + 4 * Index(row_of_place_[k]);
+          double* row = offsets.data() + 4 * Index(row_of_index_[k]);
           for (int c = 0; c < 3; ++c) row[c] += static_cast<double>(x[c]);
         }
       });
@@ -192,9 +193,9 @@ double ClampedPoisson::bytes() const {
          static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +
          static_cast<double>((residual_.size() + scaled_.size() + right_.size() + weights_.size()) *
                              Index(sizeof(double))) +
-         static_cast<double>(row_of_place_.size() * sizeof(int) +
-                             space_.single.size() * sizeof(float) +
-                             space_.full.size() * sizeof(double));
+         static_cast<double>(row_of_index_.size() * sizeof(int) +
+                             scratch_.single.size() * sizeof(float) +
+                             scratch_.full.size() * sizeof(double));
 }
 
 }  // namespace dd

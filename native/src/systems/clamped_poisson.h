@@ -34,14 +34,14 @@ class ClampedPoisson {
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
     const Rows& divergence = poisson_.divergence(at_rest, add);
     offsets.topRows(poisson_.order().free_count).setZero();
-    correct(divergence, offsets, From::rest);
-    for (int round = 0; round < corrections_; ++round) correct(divergence, offsets, From::anywhere);
+    correct(divergence, offsets, Start::zero);
+    for (int round = 0; round < corrections_; ++round) correct(divergence, offsets, Start::current);
   }
 
   /// One correction of the present offsets.
   template <class Add>
   void step(const Rows& at_rest, const Add& add, Rows& offsets) {
-    correct(poisson_.divergence(at_rest, add), offsets, From::anywhere);
+    correct(poisson_.divergence(at_rest, add), offsets, Start::current);
   }
 
   double bytes() const;
@@ -49,15 +49,15 @@ class ClampedPoisson {
  private:
   /// State of the free rows of offsets. At rest they are zero, and L p' vanishes except at rims and
   /// their free neighbours.
-  enum class From { rest, anywhere };
-  void correct(const Rows& divergence, Rows& offsets, From from);
+  enum class Start { zero, current };
+  void correct(const Rows& divergence, Rows& offsets, Start start);
   double solving_error(const SparseMatrix& block, const Rows& smooth);
 
   PoissonSystem& poisson_;
   double length_;
   std::unique_ptr<SparseCholesky> factor_;
   int corrections_ = 0;
-  std::vector<int> row_of_place_;  // index of the factor → row in the Poisson system's order
+  std::vector<int> row_of_index_;  // index of the factor → row in the Poisson system's order
   /// L of the active triangles. Rows: free vertices, then rims; columns: the Poisson system's
   /// order.
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;
@@ -66,7 +66,7 @@ class ClampedPoisson {
   std::vector<char> at_rims_;    // by free row: whether it has a constrained neighbour
   Rows residual_, scaled_;
   Rows right_;  // in the factor's order
-  SparseCholesky::Space space_;
+  SparseCholesky::SolveScratch scratch_;
 };
 
 }  // namespace dd

@@ -61,8 +61,8 @@ std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
   return hubs;
 }
 
-SparseMatrix bending_block(const SparseMatrix& laplacian, const Region& region,
-                           const Eigen::VectorXd& weights) {
+SparseMatrix weighted_bilaplacian_block(const SparseMatrix& laplacian, const Region& region,
+                                        const Eigen::VectorXd& weights) {
   SparseMatrix columns = free_columns(laplacian, region);
   columns.prune([&](Index row, Index, double) { return weights[row] != 0; });
   const SparseMatrix weighted = weights.asDiagonal() * columns;
@@ -105,10 +105,10 @@ EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region
 }
 
 EnergyProduct::EnergyProduct(const SurfaceOperators& operators, Smoothness smoothness,
-                             const Rows& values, Space& space, ThreadPool* pool)
+                             const Rows& values, Scratch& scratch, ThreadPool* pool)
     : laplacian_(operators.laplacian), last_(&values) {
   for (int order = 1; order < static_cast<int>(smoothness); ++order) {
-    Rows& next = space[size_t(order % 2)];
+    Rows& next = scratch[size_t(order % 2)];
     next.resize(values.rows(), 4);
     in_ranges(pool, values.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) next.row(v) = row(v) / operators.masses[v];

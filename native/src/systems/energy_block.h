@@ -21,7 +21,7 @@ enum class Smoothness {
 /// FactorOptions::smallest_pivot for K and for L + L W L, a fraction of the diagonal entry. Safety:
 /// refuses pivots that are lost to rounding altogether. The default is too strict for K: on a strip
 /// held at one end pivots fall with the cube of its length, and the solution may still be accurate.
-constexpr double kSmallestOfK = 1e-17;
+constexpr double kSmallestPivotOfK = 1e-17;
 
 /// Degree beyond which a vertex is a hub: its curvature couples all of its neighbours in K, a dense
 /// block of that size. A lower value makes more vertices take the low-rank path of EnergyBlock, a
@@ -33,8 +33,8 @@ std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
                            int most_neighbours = kMostNeighbours);
 
 /// L_F: W L_:F, F×F: with W = M⁻¹ the block of K of order 2. weights: the diagonal of W, n.
-SparseMatrix bending_block(const SparseMatrix& laplacian, const Region& region,
-                           const Eigen::VectorXd& weights);
+SparseMatrix weighted_bilaplacian_block(const SparseMatrix& laplacian, const Region& region,
+                                        const Eigen::VectorXd& weights);
 
 /// The F×F block of K: sparse + vectors · core · vectorsᵀ. The low-rank term carries the curvature
 /// of hubs and is empty without hubs. The sum, and sparse alone, are positive definite wherever K
@@ -50,11 +50,11 @@ EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region
 /// K X for four columns, one row at a time: K X = L Y with Y = (M⁻¹ L)^(order − 1) X.
 class EnergyProduct {
  public:
-  using Space = std::array<Rows, 2>;  ///< n×4 buffers, to be kept between products
-  /// values: X, n×4. space: holds Y. Both and the operators must outlive this. pool: null, or for
+  using Scratch = std::array<Rows, 2>;  ///< n×4 buffers, to be kept between products
+  /// values: X, n×4. scratch: holds Y. Both and the operators must outlive this. pool: null, or for
   /// this call.
   EnergyProduct(const SurfaceOperators& operators, Smoothness smoothness, const Rows& values,
-                Space& space, ThreadPool* pool);
+                Scratch& scratch, ThreadPool* pool);
   Eigen::RowVector4d row(Index vertex) const { return row(*last_, vertex); }
 
  private:

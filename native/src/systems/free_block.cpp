@@ -53,9 +53,10 @@ UnsolvableSurface::UnsolvableSurface(int vertex)
 
 Dissection free_dissection(const SparseMatrix& block, const Region& region,
                            const Positions& positions, ThreadPool* pool) {
-  Positions places(region.free_count(), 3);
-  for (int r = 0; r < region.free_count(); ++r) places.row(r) = positions.row(region.free[r]);
-  return Dissection(block, places, pool);
+  Positions free_positions(region.free_count(), 3);
+  for (int r = 0; r < region.free_count(); ++r)
+    free_positions.row(r) = positions.row(region.free[r]);
+  return Dissection(block, free_positions, pool);
 }
 
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,

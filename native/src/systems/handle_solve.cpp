@@ -12,7 +12,7 @@ namespace {
 /// its largest value. Below the 3e-6 that PoissonSystem accepts for the surface. Measured: 4e-7 to
 /// 9e-7 on planes of 25,000 to 250,000 vertices with 60 to 500 handles; 7e-4 along a strip of 2,500
 /// rows, where double precision is kept.
-constexpr double kMostRounding = 2e-6;
+constexpr double kAcceptedRounding = 2e-6;
 
 /// For each vertex whether it is in the given set or has a neighbour in it.
 std::vector<char> grown(const std::vector<char>& set, const SparseMatrix& laplacian) {
@@ -32,8 +32,10 @@ std::vector<SparseMatrix> coupling(const SurfaceOperators& operators, const Regi
   const size_t n = region.role.size();
   std::vector<char> free(n, 0);
   for (int v : region.free) free[v] = 1;
-  std::vector<std::vector<char>> felt{free};  // felt[k]: vertices within k edges of a free one
-  for (int k = 1; k < order; ++k) felt.push_back(grown(felt.back(), operators.laplacian));
+  // influence_rings[k]: vertices within k edges of a free one.
+  std::vector<std::vector<char>> influence_rings{free};
+  for (int k = 1; k < order; ++k)
+    influence_rings.push_back(grown(influence_rings.back(), operators.laplacian));
 
   // Column of each vertex in the current factor; -1: none.
   std::vector<int> from(n, -1);
@@ -51,7 +53,7 @@ std::vector<SparseMatrix> coupling(const SurfaceOperators& operators, const Regi
       rows = region.free_count();
     } else {
       for (size_t v = 0; v < n; ++v)
-        if (reached[v] && felt[size_t(order - k)][v]) to[v] = static_cast<int>(rows++);
+        if (reached[v] && influence_rings[size_t(order - k)][v]) to[v] = static_cast<int>(rows++);
     }
     std::vector<Eigen::Triplet<double>> entries;
     for (size_t v = 0; v < n; ++v) {
@@ -71,20 +73,22 @@ std::vector<SparseMatrix> coupling(const SurfaceOperators& operators, const Regi
 
 }  // namespace
 
-HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool)
-    : factor_(bending.factor()),
-      steps_(coupling(bending.operators(), region, bending.smoothness())),
+HandleSolve::HandleSolve(const PolyharmonicSystem& energy_system, const Region& region,
+                         ThreadPool* pool)
+    : factor_(energy_system.factor()),
+      steps_(coupling(energy_system.operators(), region, energy_system.smoothness())),
       pool_(pool) {}
 
-const Rows& HandleSolve::extend(const Rows& values, Space& space) const {
+const Rows& HandleSolve::extend(const Rows& values, Scratch& scratch) const {
   const Rows* force = &values;
-  space.forces.resize(steps_.size());
+  scratch.forces.resize(steps_.size());
   for (size_t k = 0; k < steps_.size(); ++k) {
-    space.forces[k].noalias() = steps_[k] * *force;
-    force = &space.forces[k];
+    scratch.forces[k].noalias() = steps_[k] * *force;
+    force = &scratch.forces[k];
   }
-  factor_->solve_rows([&](int row) { return force->row(row); }, space.solution, space.solve, pool_);
-  return space.solution;
+  factor_->solve_rows([&](int row) { return force->row(row); }, scratch.solution, scratch.solve,
+                      pool_);
+  return scratch.solution;
 }
 
 void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free,
@@ -97,23 +101,23 @@ void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>
   if (!factor_->plain()) return;
   SparseMatrix force = at_handles_;
   for (const SparseMatrix& step : steps_) force = SparseMatrix(step * force);
-  const Eigen::PermutationMatrix<Eigen::Dynamic> places(
-      Eigen::Map<const Eigen::VectorXi>(symbolic.place_of.data(), symbolic.size()));
+  const Eigen::PermutationMatrix<Eigen::Dynamic> permutation(
+      Eigen::Map<const Eigen::VectorXi>(symbolic.index_of.data(), symbolic.size()));
   // At most half of the factor's entries: a frame reads these in place of the factor when it
   // substitutes forward.
-  forward_ = SparseForward(factor, places * force, factor.entries() / 2);
-  if (precision == Precision::full || !first_half_is_ready()) return;
+  forward_ = SparseForward(factor, permutation * force, factor.entries() / 2);
+  if (precision == Precision::full || !has_precomputed_forward()) return;
   auto single = std::make_unique<SparseCholesky>(factor.in_single(pool_));
-  if (error_of(*single) < kMostRounding) single_ = std::move(single);
+  if (error_of(*single) < kAcceptedRounding) single_ = std::move(single);
 }
 
 template <class Done>
-void HandleSolve::solve_second_half(const SparseCholesky& factor, const Rows& coefficients,
-                                    SparseCholesky::Space& space, const Done& done,
-                                    Columns columns) const {
-  factor.solve_second_half(
-      space, pool_, [&](int part, auto* y) { forward_.multiply(part, coefficients, y); }, done,
-      columns);
+void HandleSolve::backward_solve(const SparseCholesky& factor, const Rows& coefficients,
+                                 SparseCholesky::SolveScratch& scratch, const Done& done,
+                                 Columns columns) const {
+  factor.backward_solve(
+      scratch, pool_, [&](int section, auto* y) { forward_.multiply(section, coefficients, y); },
+      done, columns);
 }
 
 /// Relative error of the rounded factor for motions that are constant or vary slowly over the
@@ -124,10 +128,10 @@ double HandleSolve::error_of(const SparseCholesky& single) const {
     coefficients.row(k) << 1, std::sin(1 + 0.07 * double(k)), std::sin(1 + 2.4 * double(k)),
         k % 2 ? -1 : 1;
   const auto solution = [&](const SparseCholesky& factor) {
-    SparseCholesky::Space space;
+    SparseCholesky::SolveScratch scratch;
     Rows result(factor.size(), 4);
-    solve_second_half(
-        factor, coefficients, space,
+    backward_solve(
+        factor, coefficients, scratch,
         [&](int begin, int end, const auto* x) {
           for (int k = begin; k < end; ++k, x += 4)
             for (int c = 0; c < 4; ++c) result(k, c) = x[c];
@@ -142,18 +146,18 @@ double HandleSolve::error_of(const SparseCholesky& single) const {
 }
 
 void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows& out) {
-  const auto add = [&](int place, const auto* x) {
-    const Index row = out_row_[size_t(place)];
+  const auto add = [&](int index, const auto* x) {
+    const Index row = out_row_[size_t(index)];
     for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
   };
-  if (!first_half_is_ready()) {
-    const Rows& moved = extend(at_handles_ * coefficients, space_);
+  if (!has_precomputed_forward()) {
+    const Rows& moved = extend(at_handles_ * coefficients, scratch_);
     const std::vector<int>& order = factor_->factor().order();
     for (size_t k = 0; k < order.size(); ++k) add(int(k), moved.row(order[k]).data());
     return;
   }
-  solve_second_half(
-      in_single() ? *single_ : factor_->factor(), coefficients, space_.solve,
+  backward_solve(
+      in_single() ? *single_ : factor_->factor(), coefficients, scratch_.solve,
       [&](int begin, int end, const auto* x) {
         for (int k = begin; k < end; ++k, x += 4) add(k, x);
       },
@@ -161,9 +165,9 @@ void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows&
 }
 
 double HandleSolve::bytes() const {
-  size_t doubles = space_.solve.full.size() + space_.solve.single.size() / 2 +
-                   size_t(space_.solve.right.size()) + size_t(space_.solution.size());
-  for (const Rows& force : space_.forces) doubles += size_t(force.size());
+  size_t doubles = scratch_.solve.full.size() + scratch_.solve.single.size() / 2 +
+                   size_t(scratch_.solve.right.size()) + size_t(scratch_.solution.size());
+  for (const Rows& force : scratch_.forces) doubles += size_t(force.size());
   double sum = factor_->bytes() + forward_.bytes() + static_cast<double>(doubles * sizeof(double));
   const auto add = [&](const SparseMatrix& matrix) {
     sum += static_cast<double>(matrix.nonZeros()) * (sizeof(double) + sizeof(int));

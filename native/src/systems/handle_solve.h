@@ -15,17 +15,17 @@ namespace dd {
 class HandleSolve {
  public:
   /// pool: null, or must outlive this.
-  HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool);
+  HandleSolve(const PolyharmonicSystem& energy_system, const Region& region, ThreadPool* pool);
 
-  /// Work space of solves, to be kept between them.
-  struct Space {
+  /// Buffers of solves, to be kept between them.
+  struct Scratch {
     std::vector<Rows> forces;  ///< results of the steps_
     Rows solution;
-    SparseCholesky::Space solve;
+    SparseCholesky::SolveScratch solve;
   };
-  /// values: a row for each of Region::handle_vertices. Returns F×4 in space, rows as in
+  /// values: a row for each of Region::handle_vertices. Returns F×4 in scratch, rows as in
   /// Region::free.
-  const Rows& extend(const Rows& values, Space& space) const;
+  const Rows& extend(const Rows& values, Scratch& scratch) const;
 
   /// Prepares add_extended(). at_handles: V, a row for each of Region::handle_vertices.
   /// row_of_free: for each of Region::free its row in rest and out. precision: with single, frames
@@ -38,17 +38,18 @@ class HandleSolve {
   void add_extended(const Rows& coefficients, const Rows& rest, Rows& out);
 
   /// Whether forward substitution is precomputed, so that a frame only substitutes backward.
-  bool first_half_is_ready() const { return !forward_.empty(); }
+  bool has_precomputed_forward() const { return !forward_.empty(); }
   /// Whether that is done in single precision.
   bool in_single() const { return single_ != nullptr; }
 
   double bytes() const;
 
  private:
-  /// done: see SparseCholesky::solve_second_half().
+  /// done: see SparseCholesky::backward_solve().
   template <class Done>
-  void solve_second_half(const SparseCholesky& factor, const Rows& coefficients,
-                         SparseCholesky::Space& space, const Done& done, Columns columns) const;
+  void backward_solve(const SparseCholesky& factor, const Rows& coefficients,
+                      SparseCholesky::SolveScratch& scratch, const Done& done,
+                      Columns columns) const;
   double error_of(const SparseCholesky& single) const;
 
   std::shared_ptr<const UpdatedCholesky> factor_;
@@ -61,7 +62,7 @@ class HandleSolve {
   SparseForward forward_;                   // of −K_FC V, unless it exceeds half of the factor
   std::unique_ptr<SparseCholesky> single_;  // the factor for backward substitution, or null
   std::vector<int> out_row_;                // row of out for each index of the factor
-  Space space_;
+  Scratch scratch_;
 };
 
 }  // namespace dd

@@ -11,9 +11,9 @@ namespace dd {
 /// over the faces. Only edge lengths are known, which is all that cotangents and areas need. Two
 /// corners of a triangle may be one vertex.
 struct IntrinsicTriangles {
-  Triangles triangles;      ///< m×3
-  CornerValues lengths;     ///< m×3, of the edge opposite to each corner
-  std::vector<char> moved;  ///< m: whether a flip changed this triangle
+  Triangles triangles;        ///< m×3
+  CornerValues lengths;       ///< m×3, of the edge opposite to each corner
+  std::vector<char> flipped;  ///< m: whether a flip changed this triangle
   int flips = 0;
 };
 

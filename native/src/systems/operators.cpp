@@ -18,10 +18,10 @@ namespace {
 
 // Least height of a triangle as a fraction of its longest edge. Safety: entries of K grow with the
 // inverse cube, see TriangleMetric.
-constexpr double kThinnest = 1e-3;
+constexpr double kMinHeightRatio = 1e-3;
 // Length up to which three corners count as one point, in the mesh's units. Safety: keeps quotients
 // of lengths out of the denormal range.
-constexpr double kShortest = std::numeric_limits<double>::min() * 1e20;
+constexpr double kPointLength = std::numeric_limits<double>::min() * 1e20;
 
 /// A triangle laid out in the plane: the longest edge from (0, 0) to (base, 0), the third corner
 /// at (foot, height).
@@ -37,8 +37,8 @@ Layout in_one_place(const Layout& layout) {
 }
 
 void lift(Layout& layout) {
-  layout.degenerate = layout.height < kThinnest * layout.base;
-  if (layout.degenerate) layout.height = kThinnest * layout.base;
+  layout.degenerate = layout.height < kMinHeightRatio * layout.base;
+  if (layout.degenerate) layout.height = kMinHeightRatio * layout.base;
 }
 
 Layout lay_out(const Positions& p, const Triangles& t, Index j) {
@@ -57,7 +57,7 @@ Layout lay_out(const Positions& p, const Triangles& t, Index j) {
   const Eigen::Vector3d edge = x[layout.second] - x[layout.first];
   const Eigen::Vector3d arm = x[layout.apex] - x[layout.first];
   layout.base = edge.norm();
-  if (!(layout.base > kShortest)) return in_one_place(layout);
+  if (!(layout.base > kPointLength)) return in_one_place(layout);
   layout.foot = arm.dot(edge) / layout.base;
   layout.height = edge.cross(arm).norm() / layout.base;
   lift(layout);
@@ -70,7 +70,7 @@ Layout lay_out(const Eigen::RowVector3d& lengths) {
   layout.base = lengths.maxCoeff(&layout.apex);
   layout.first = (layout.apex + 1) % 3;
   layout.second = (layout.apex + 2) % 3;
-  if (!(layout.base > kShortest)) return in_one_place(layout);
+  if (!(layout.base > kPointLength)) return in_one_place(layout);
   const TriangleApex apex =
       triangle_apex(layout.base, lengths[layout.second], lengths[layout.first]);
   layout.foot = apex.foot;
@@ -92,16 +92,16 @@ void set_metric(TriangleMetric& metric, Index j, const Layout& l) {
 template <class Value, class Less>
 void sort_stably(std::vector<Value>& values, const Less& less) {
   // Length up to which arrays are sorted by insertion; a vertex of degree d has 2 d entries.
-  constexpr size_t kFew = 32;
-  if (values.size() > kFew) {
+  constexpr size_t kMaxInsertionSort = 32;
+  if (values.size() > kMaxInsertionSort) {
     std::stable_sort(values.begin(), values.end(), less);
     return;
   }
   for (size_t i = 1; i < values.size(); ++i) {
     const Value value = values[i];
-    size_t place = i;
-    for (; place > 0 && less(value, values[place - 1]); --place) values[place] = values[place - 1];
-    values[place] = value;
+    size_t index = i;
+    for (; index > 0 && less(value, values[index - 1]); --index) values[index] = values[index - 1];
+    values[index] = value;
   }
 }
 
@@ -126,7 +126,7 @@ SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& 
     double value;
   };
   constexpr auto by_row = [](const Entry& a, const Entry& b) { return a.row < b.row; };
-  const Fans fans(t, n);
+  const VertexTriangles fans(t, n);
   SparseMatrix laplacian(n, n);
   laplacian.reserve(t.size() + 2 * Index{n});
   // off-diagonal entries of a column, in the order of the vertex's triangles
@@ -203,7 +203,8 @@ SurfaceOperators surface_operators(const Positions& p, const Triangles& t,
     if (operators.flipped) {
       operators.triangles = std::move(intrinsic.triangles);
       for (Index j = 0; j < t.rows(); ++j)
-        if (intrinsic.moved[j]) set_metric(operators.metric, j, lay_out(intrinsic.lengths.row(j)));
+        if (intrinsic.flipped[j])
+          set_metric(operators.metric, j, lay_out(intrinsic.lengths.row(j)));
     }
   }
   operators.laplacian = cotangent_laplacian(operators.metric, operators.triangles, n);

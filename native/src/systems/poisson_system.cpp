@@ -2,16 +2,17 @@
 #include "systems/poisson_system.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace dd {
 
 namespace {
 
-// Largest accepted errors of a solve, of one single-precision solve and of one with a step of
-// iterative refinement, as fractions of the mesh's size, for a solution of that size: handles
-// rarely move farther. A plane of 31,000 unknowns has 1e-6; lower limits make more meshes pay for
-// refinement or double precision.
-constexpr double kSingleIsEnough = 3e-6, kRefinedIsEnough = 5e-7;
+// Largest accepted errors of a single-precision solve, alone and with a step of iterative
+// refinement, in diagonals of the mesh's bounding box. They are measured with the rest positions as
+// the solution: handles rarely move farther than the box is large. A plane of 31,000 unknowns has
+// 1e-6; lower limits make more meshes pay for refinement or double precision.
+constexpr double kAcceptedSolveError = 3e-6, kAcceptedCorrectedError = 5e-7;
 
 }  // namespace
 
@@ -39,62 +40,66 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
     : pool_(*options.pool) {
   ground(block, region);
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
-  rows_ = SectionRows(factor_->symbolic());
+  rows_ = RightHandSideLayout(factor_->symbolic());
   order_ = row_order(region, factor_->order());
   find_active_triangles(operators.triangles);
 
-  const int sections = active_.sections();
   find_rims(operators.triangles);
   right_ = Rows::Zero(rim_begin() + Index(rims_.size() + rim_of_slot_.size()), 4);
+  find_couplings(region, operators.laplacian);
+  if (options.precision == Precision::single)
+    choose_precision(mesh, region, block, std::move(options));
+  sum_rest_divergence(mesh, operators);
+}
+
+void PoissonSystem::find_couplings(const Region& region, const SparseMatrix& laplacian) {
   for (int r = order_.free_count; r < order_.fixed_begin; ++r)
-    for (SparseMatrix::InnerIterator it(operators.laplacian, order_.vertex_of_row[r]); it; ++it)
+    for (SparseMatrix::InnerIterator it(laplacian, order_.vertex_of_row[r]); it; ++it)
       if (region.row[it.row()] >= 0)
-        pulls_.push_back({order_.row_of_vertex[it.row()], r, it.value()});
-  std::sort(pulls_.begin(), pulls_.end(),
-            [](const Pull& a, const Pull& b) { return a.target_row < b.target_row; });
-  for (int section = 0; section <= sections; ++section) {
+        couplings_.push_back({order_.row_of_vertex[it.row()], r, it.value()});
+  std::sort(couplings_.begin(), couplings_.end(),
+            [](const Coupling& a, const Coupling& b) { return a.free_row < b.free_row; });
+  for (int section = 0; section <= active_.sections(); ++section) {
     const int row = rows_.begin(section);
-    pull_begin_.push_back(static_cast<int>(
-        std::partition_point(pulls_.begin(), pulls_.end(),
-                             [&](const Pull& pull) { return pull.target_row < row; }) -
-        pulls_.begin()));
+    coupling_begin_.push_back(static_cast<int>(
+        std::partition_point(couplings_.begin(), couplings_.end(),
+                             [&](const Coupling& coupling) { return coupling.free_row < row; }) -
+        couplings_.begin()));
   }
+}
 
-  if (options.precision == Precision::single) {
-    const Progress progress = options.progress;
-    // Test solution: the rest positions, as large and as smooth as a frame's solution.
-    Rows smooth(order_.free_count, 4);
-    for (int r = 0; r < order_.free_count; ++r)
-      smooth.row(r) << mesh.positions.row(order_.vertex_of_row[r]), 0;
-    const auto in_block_order = [&](const Rows& rows) {
-      Rows result(rows.rows(), 4);
-      for (Index k = 0; k < rows.rows(); ++k) result.row(factor_->order()[k]) = rows.row(k);
-      return result;
-    };
-    const Rows right = block * in_block_order(smooth);
-    if (solving_error(right, smooth) > kSingleIsEnough) {
-      laplacian_ = factor_->in_order(block);
-      correction_steps_ = 1;
-      if (!(solving_error(right, smooth) < kRefinedIsEnough)) {
-        correction_steps_ = 0;
-        laplacian_.resize(0, 0);
-        options.precision = Precision::full;
-        options.symbolic = factor_->shared_symbolic();
-        options.progress = within(progress, 1, 1);  // this stage was reported before
-        factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
-      }
-    }
-  }
+void PoissonSystem::choose_precision(const Mesh& mesh, const Region& region,
+                                     const SparseMatrix& block, BlockOptions options) {
+  // Test solution: the rest positions, as large and as smooth as a frame's solution.
+  Rows smooth(order_.free_count, 4);
+  for (int r = 0; r < order_.free_count; ++r)
+    smooth.row(r) << mesh.positions.row(order_.vertex_of_row[r]), 0;
+  Rows in_block_order(smooth.rows(), 4);
+  for (Index k = 0; k < smooth.rows(); ++k) in_block_order.row(factor_->order()[k]) = smooth.row(k);
+  const Rows right = block * in_block_order;
+  if (!(solving_error(right, smooth) > kAcceptedSolveError)) return;
+  laplacian_ = factor_->in_order(block);
+  correction_steps_ = 1;
+  if (solving_error(right, smooth) < kAcceptedCorrectedError) return;
+  correction_steps_ = 0;
+  laplacian_.resize(0, 0);
+  const Progress progress = options.progress;
+  options.precision = Precision::full;
+  options.symbolic = factor_->shared_symbolic();
+  options.progress = within(progress, 1, 1);  // this stage was reported before
+  factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
+}
 
+void PoissonSystem::sum_rest_divergence(const Mesh& mesh, const SurfaceOperators& operators) {
   // Summed triangle by triangle like the sources of gradients, so that at rest the two cancel to
   // the last digits.
   const Positions flux = corner_divergence(operators.metric, mesh.positions, operators.triangles);
   rest_divergence_ = Rows::Zero(right_.rows(), 4);
-  for (int section = 0; section < sections; ++section)
+  for (int section = 0; section < active_.sections(); ++section)
     for (int i = active_.begin[section]; i < active_.begin[section + 1]; ++i)
       for (int k = 0; k < 3; ++k) {
         const int j = active_.triangles[i];
-        rest_divergence_.row(target(section, operators.triangles(j, k))).head<3>() +=
+        rest_divergence_.row(right_hand_side_row(section, operators.triangles(j, k))).head<3>() +=
             flux.row(3 * Index(j) + k);
       }
 }
@@ -144,9 +149,9 @@ void PoissonSystem::find_rims(const Triangles& t) {
   rim_slot_begin_.push_back(static_cast<int>(rim_of_slot_.size()));
 }
 
-int PoissonSystem::target(int section, int vertex) const {
+int PoissonSystem::right_hand_side_row(int section, int vertex) const {
   const int row = order_.row_of_vertex[vertex];
-  if (row < order_.free_count) return rows_.target(section, row);
+  if (row < order_.free_count) return rows_.row_for(section, row);
   const auto slots = rim_of_slot_.begin();
   const auto slot = std::lower_bound(slots + rim_slot_begin_[section],
                                      slots + rim_slot_begin_[section + 1], rim_of(row));
@@ -158,13 +163,13 @@ void PoissonSystem::clear(int section, const Rows& at_rest) {
     right_.middleRows(begin, count) = -at_rest.middleRows(begin, count);
   };
   rows_.each_range(section, clear_rows);
-  right_.row(rows_.spare(section)).setZero();
+  right_.row(rows_.discard_row(section)).setZero();
   clear_rows(rim_begin() + Index(rims_.size()) + rim_slot_begin_[section],
              rim_slot_begin_[section + 1] - rim_slot_begin_[section]);
 }
 
-void PoissonSystem::fold() {
-  rows_.fold(right_);
+void PoissonSystem::gather_slots() {
+  rows_.gather_slots(right_);
   const Index slots = rim_begin() + Index(rims_.size());
   right_.middleRows(rim_begin(), Index(rims_.size())).setZero();
   for (size_t k = 0; k < rim_of_slot_.size(); ++k)
@@ -173,12 +178,13 @@ void PoissonSystem::fold() {
 
 void PoissonSystem::start(int section, const Rows& at_rest, const Rows& offsets) {
   clear(section, at_rest);
-  for (int i = pull_begin_[section]; i < pull_begin_[section + 1]; ++i)
-    right_.row(pulls_[i].target_row) -= pulls_[i].weight * offsets.row(pulls_[i].handle_row);
+  for (int i = coupling_begin_[section]; i < coupling_begin_[section + 1]; ++i)
+    right_.row(couplings_[i].free_row) -=
+        couplings_[i].weight * offsets.row(couplings_[i].handle_row);
 }
 
-void PoissonSystem::refine(Rows& offsets) {
-  rows_.fold(right_);
+void PoissonSystem::correct_residual(Rows& offsets) {
+  rows_.gather_slots(right_);
   residual_.resize(right_.rows(), 4);
   residual_.bottomRows(right_.rows() - order_.free_count).setZero();
   pool_.parallel_for(order_.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
@@ -190,7 +196,7 @@ void PoissonSystem::refine(Rows& offsets) {
     }
   });
   factor_->solve_in_order(
-      residual_.data(), space_, &pool_, [](int) {},
+      residual_.data(), scratch_, &pool_, [](int) {},
       [&](int begin, int end, const auto* x) {
         for (double* out = offsets.data() + 4 * Index(begin); begin < end; ++begin)
           for (int c = 0; c < 4; ++c) *out++ += *x++;
@@ -201,8 +207,8 @@ double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
   right_.setZero();
   for (int k = 0; k < order_.free_count; ++k) right_.row(k) = right.row(factor_->order()[k]);
   Rows solved(order_.free_count, 4);
-  factor_->solve_in_order(right_.data(), space_, &pool_, [](int) {}, towards(solved, 1));
-  for (int step = 0; step < correction_steps_; ++step) refine(solved);
+  factor_->solve_in_order(right_.data(), scratch_, &pool_, [](int) {}, towards(solved, 1));
+  for (int step = 0; step < correction_steps_; ++step) correct_residual(solved);
   return (solved - solution).cwiseAbs().maxCoeff();
 }
 
@@ -219,9 +225,9 @@ double PoissonSystem::bytes() const {
              (right_.size() + rest_divergence_.size() + residual_.size() + before_.size()) *
              Index(sizeof(double))) +
          static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +
-         static_cast<double>(pulls_.size() * sizeof(Pull) + ints * sizeof(int) +
-                             space_.single.size() * sizeof(float) +
-                             space_.full.size() * sizeof(double));
+         static_cast<double>(couplings_.size() * sizeof(Coupling) + ints * sizeof(int) +
+                             scratch_.single.size() * sizeof(float) +
+                             scratch_.full.size() * sizeof(double));
 }
 
 }  // namespace dd

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "solver/section_rows.h"
+#include "solver/right_hand_side_layout.h"
 #include "solver/sparse_cholesky.h"
 #include "systems/free_block.h"
 #include "systems/operators.h"
@@ -46,8 +46,8 @@ struct ActiveTriangles {
 ///
 ///   L (p' − p) = div(G_j S_jᵀ) − L p
 ///
-/// so that with resting handles the result is zero up to rounding, and the size of the mesh costs
-/// no digits.
+/// so that with resting handles the result is zero up to rounding, and small displacements of a
+/// large mesh lose no digits.
 class PoissonSystem {
   /// Callback for SparseCholesky::solve_in_order(): rows ← rows + relaxation (x − rows). Defined
   /// before its uses, because its return type is deduced.
@@ -66,8 +66,8 @@ class PoissonSystem {
  public:
   /// operators: of S. block: free_block() of their Laplacian. options: with a pool, which must
   /// outlive the system. With Precision::single the factor is kept in single precision if the error
-  /// of a solve is at most 3e-6 of the mesh's size, or 5e-7 with one step of iterative refinement.
-  /// Throws UnsolvableSurface where L is singular.
+  /// of a solve is at most 3e-6 of the diagonal of the mesh's bounding box, or below 5e-7 of it
+  /// with one step of iterative refinement. Throws UnsolvableSurface where L is singular.
   PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
                 SparseMatrix block, BlockOptions options);
 
@@ -77,23 +77,23 @@ class PoissonSystem {
   /// Constrained vertices of active triangles, as ascending rows of order().
   const std::vector<int>& rims() const { return rims_; }
   /// Active vertices, those of active triangles, have indices: the free ones as in order(), then
-  /// rims(). active_row() gives the row in order() of such an index, active_place() the index of
+  /// rims(). active_row() gives the row in order() of such an index, active_index() the index of
   /// such a row.
   int active_vertex_count() const { return order_.free_count + static_cast<int>(rims_.size()); }
-  int active_row(int place) const {
-    return place < order_.free_count ? place : rims_[place - order_.free_count];
+  int active_row(int index) const {
+    return index < order_.free_count ? index : rims_[index - order_.free_count];
   }
-  int active_place(int row) const {
+  int active_index(int row) const {
     return row < order_.free_count ? row : order_.free_count + rim_of(row);
   }
-  int active_vertex(int place) const { return order_.vertex_of_row[active_row(place)]; }
+  int active_vertex(int index) const { return order_.vertex_of_row[active_row(index)]; }
 
   /// The row of the right-hand side to which a section adds the contribution of its active
   /// triangles to a vertex. Only divergence() reads the rows of rims.
-  int target(int section, int vertex) const;
+  int right_hand_side_row(int section, int vertex) const;
   /// A row of the right-hand side for what the section discards, as unused lanes of its blocks do;
   /// never read.
-  int spare_target(int section) const { return rows_.spare(section); }
+  int discard_row(int section) const { return rows_.discard_row(section); }
   int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
 
   /// L p, rows as in a right-hand side.
@@ -109,13 +109,13 @@ class PoissonSystem {
     const bool corrected = correction_steps_ > 0 && relaxation != 1;
     if (corrected) before_ = offsets.topRows(order_.free_count);
     factor_->solve_in_order(
-        right_.data(), space_, &pool_,
+        right_.data(), scratch_, &pool_,
         [&](int section) {
           start(section, at_rest, offsets);
           add(section, right_.data());
         },
         towards(offsets, corrected ? 1 : relaxation));
-    for (int step = 0; step < correction_steps_; ++step) refine(offsets);
+    for (int step = 0; step < correction_steps_; ++step) correct_residual(offsets);
     if (corrected) {
       auto now = offsets.topRows(order_.free_count);
       now = before_ + relaxation * (now - before_);
@@ -130,7 +130,7 @@ class PoissonSystem {
       clear(section, at_rest);
       add(section, right_.data());
     });
-    fold();
+    gather_slots();
     return right_;
   }
   int rim_begin() const { return rows_.count(); }
@@ -156,33 +156,45 @@ class PoissonSystem {
   int rim_of(int row) const {
     return static_cast<int>(std::lower_bound(rims_.begin(), rims_.end(), row) - rims_.begin());
   }
+  void find_couplings(const Region& region, const SparseMatrix& laplacian);
+  /// Keeps the single-precision factor, adds a correction step, or factors in double precision, by
+  /// the errors of a test. options: those of the factor that exists.
+  void choose_precision(const Mesh& mesh, const Region& region, const SparseMatrix& block,
+                        BlockOptions options);
+  void sum_rest_divergence(const Mesh& mesh, const SurfaceOperators& operators);
+  /// Sets a section's rows and slots of the right-hand side to −at_rest.
   void clear(int section, const Rows& at_rest);
-  void fold();
+  /// Adds the sections' slots to the rows of the top and of the rims.
+  void gather_slots();
+  /// Sets a section's rows and slots to −at_rest and moves the known displacements of the handles
+  /// to the right-hand side, by the entries of L that couple them to free vertices.
   void start(int section, const Rows& at_rest, const Rows& offsets);
-  void refine(Rows& offsets);
+  /// A step of iterative refinement: solves for the residual of offsets and adds the result. After
+  /// a solve, whose right-hand side it reads.
+  void correct_residual(Rows& offsets);
   /// The largest absolute error of a solve. right: rows as in Region::free; solution: rows as in
   /// order().
   double solving_error(const Rows& right, const Rows& solution);
 
-  struct Pull {
-    int target_row, handle_row;
+  struct Coupling {
+    int free_row, handle_row;
     double weight;
   };
 
   ThreadPool& pool_;
   std::unique_ptr<SparseCholesky> factor_;
-  SectionRows rows_;
+  RightHandSideLayout rows_;
   RowOrder order_;
   ActiveTriangles active_;
   std::vector<int> rims_;
   // Slots for what sections add to rims, stored after the rims' sums: the rim of each slot,
   // ascending within a section.
   std::vector<int> rim_of_slot_, rim_slot_begin_;
-  std::vector<Pull> pulls_;      // entries of L between free and handle vertices
-  std::vector<int> pull_begin_;  // by section
-  Rows rest_divergence_;         // L p
-  Rows right_;                   // rows_, then rims, then their slots
-  SparseCholesky::Space space_;
+  std::vector<Coupling> couplings_;  // entries of L between free and handle vertices
+  std::vector<int> coupling_begin_;  // by section
+  Rows rest_divergence_;             // L p
+  Rows right_;                       // rows_, then rims, then their slots
+  SparseCholesky::SolveScratch scratch_;
   int correction_steps_ = 0;
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, for refinement
   Rows residual_, before_;

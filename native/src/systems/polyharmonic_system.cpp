@@ -11,14 +11,14 @@ namespace {
 
 // Rounds of iterative refinement, the first solve included: two at least, since the second shows
 // the error of the first. Safety: at most 12, each of which must halve the correction.
-constexpr int kLeastRounds = 2, kMostRounds = 12;
+constexpr int kLeastSolves = 2, kMostSolves = 12;
 // Fractions of the largest value. Refinement ends when the next correction is predicted to be below
-// kSettled. If it does not get there, a last correction above kUseless is an error: fewer than six
-// digits are right.
-constexpr double kSettled = 1e-11, kUseless = 1e-6;
+// kConvergedChange. If it does not get there, a last correction above kMaxFinalChange is an error:
+// fewer than six digits are right.
+constexpr double kConvergedChange = 1e-11, kMaxFinalChange = 1e-6;
 
 BlockOptions tolerant(BlockOptions options) {
-  options.smallest_pivot = kSmallestOfK;  // extend() tests the solution instead
+  options.smallest_pivot = kSmallestPivotOfK;  // extend() tests the solution instead
   return options;
 }
 
@@ -42,21 +42,21 @@ PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const 
 
 RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_error) const {
   RowMatrix result(region_.free_count(), values.cols());
-  Space space;
-  space.values.resize(values.rows(), 4);
+  Scratch scratch;
+  scratch.values.resize(values.rows(), 4);
   double most = 0;
   for (FourColumns some(values); some.next();) {
-    for (Index v = 0; v < values.rows(); ++v) space.values.row(v) = some(v);
+    for (Index v = 0; v < values.rows(); ++v) scratch.values.row(v) = some(v);
     double error = 0;
-    result.middleCols(some.first(), some.width()) = extend(space, &error).leftCols(some.width());
+    result.middleCols(some.first(), some.width()) = extend(scratch, &error).leftCols(some.width());
     most = std::max(most, error);
   }
   if (one_solve_error) *one_solve_error = most;
   return result;
 }
 
-const Rows& PolyharmonicSystem::extend(Space& space, double* one_solve_error) const {
-  Rows &x = space.values, &correction = space.solution;
+const Rows& PolyharmonicSystem::extend(Scratch& scratch, double* one_solve_error) const {
+  Rows &x = scratch.values, &correction = scratch.solution;
   for (int v : region_.free) x.row(v).setZero();
   // Iterative refinement: where triangles are thin or the region is long, K is ill-conditioned and
   // its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is the
@@ -64,20 +64,20 @@ const Rows& PolyharmonicSystem::extend(Space& space, double* one_solve_error) co
   double last = 1;
   Eigen::RowVector4d corrected = Eigen::RowVector4d::Zero();
   for (int round = 0;; ++round) {
-    const EnergyProduct product(operators_, smoothness_, x, space.product, pool_);
+    const EnergyProduct product(operators_, smoothness_, x, scratch.product, pool_);
     factor_->solve_rows(
         [&](int r) -> Eigen::RowVector4d { return -product.row(region_.free[size_t(r)]); },
-        correction, space.solve, pool_);
+        correction, scratch.solve, pool_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const Eigen::RowVector4d changes = correction.cwiseAbs().colwise().maxCoeff();
     const double change = changes.maxCoeff(), size = x.cwiseAbs().maxCoeff();
     if (round > 0) corrected += changes;
     // Predicts the next correction from the ratio of the last two.
-    if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
+    if (round + 1 >= kLeastSolves && change * (change / last) <= kConvergedChange * size) break;
     const bool converges = round == 0 || change < 0.5 * last;
     last = change;
-    if (round + 1 < kLeastRounds || (round + 1 < kMostRounds && converges)) continue;
-    if (change <= kUseless * size) break;
+    if (round + 1 < kLeastSolves || (round + 1 < kMostSolves && converges)) continue;
+    if (change <= kMaxFinalChange * size) break;
     Index row = 0, column = 0;
     correction.cwiseAbs().maxCoeff(&row, &column);
     throw UnsolvableSurface(region_.free[row]);

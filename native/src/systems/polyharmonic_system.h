@@ -25,12 +25,12 @@ class PolyharmonicSystem {
   /// To be reused for a system of the same region and smoothness.
   std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 
-  /// Work space of extend() for four columns, to be kept between calls.
-  struct Space {
+  /// Buffers of extend() for four columns, to be kept between calls.
+  struct Scratch {
     Rows values;  ///< n×4; in: values at constrained vertices, out: extended
-    EnergyProduct::Space product;
+    EnergyProduct::Scratch product;
     Rows solution;  ///< F×4
-    SparseCholesky::Space solve;
+    SparseCholesky::SolveScratch solve;
   };
 
   /// Solves K_FF x_F = −K_FC x_C by iterative refinement. values: n×k; only the rows of constrained
@@ -39,8 +39,8 @@ class PolyharmonicSystem {
   /// the worst column. Throws UnsolvableSurface where the last correction stays above 1e-6 of the
   /// largest value.
   RowMatrix extend(const RowMatrix& values, double* one_solve_error = nullptr) const;
-  /// The same for space.values. Returns F×4, in space.
-  const Rows& extend(Space& space, double* one_solve_error = nullptr) const;
+  /// The same for scratch.values. Returns F×4, in scratch.
+  const Rows& extend(Scratch& scratch, double* one_solve_error = nullptr) const;
 
   const SurfaceOperators& operators() const { return operators_; }
   Smoothness smoothness() const { return smoothness_; }

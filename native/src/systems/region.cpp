@@ -23,17 +23,17 @@ void check_coverage(const std::vector<int>& roles, int handle_count, MovedBy mov
 
 /// Handles none of whose vertices shares a triangle with a free vertex.
 std::vector<int> idle_handles(const Mesh& mesh, const Region& region) {
-  std::vector<char> pulls(static_cast<size_t>(region.handle_count), 0);
+  std::vector<char> has_free_neighbour(static_cast<size_t>(region.handle_count), 0);
   for (Index j = 0; j < mesh.triangles.rows(); ++j) {
     const auto corners = mesh.triangles.row(j);
-    const bool follows = (region.role[corners[0]] == kFree) || (region.role[corners[1]] == kFree) ||
-                         (region.role[corners[2]] == kFree);
+    const bool has_free = (region.role[corners[0]] == kFree) ||
+                          (region.role[corners[1]] == kFree) || (region.role[corners[2]] == kFree);
     for (const int v : corners)
-      if (follows && region.role[v] >= 0) pulls[region.role[v]] = 1;
+      if (has_free && region.role[v] >= 0) has_free_neighbour[region.role[v]] = 1;
   }
   std::vector<int> idle;
   for (int h = 0; h < region.handle_count; ++h)
-    if (!pulls[h]) idle.push_back(h);
+    if (!has_free_neighbour[h]) idle.push_back(h);
   return idle;
 }
 
@@ -56,7 +56,7 @@ void check_roles(const std::vector<int>& roles, int handle_count) {
                 Remedy::assign_vertices);
 }
 
-Region region_of(std::vector<int> roles, int handle_count) {
+Region region_of_roles(std::vector<int> roles, int handle_count) {
   Region region;
   region.role = std::move(roles);
   region.handle_count = handle_count;
@@ -72,8 +72,8 @@ Region region_of(std::vector<int> roles, int handle_count) {
   return region;
 }
 
-Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
-                    MovedBy moved_by) {
+Region make_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                   MovedBy moved_by) {
   check_coverage(roles, handle_count, moved_by);
   const int n = mesh.vertex_count();
 
@@ -88,14 +88,14 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
   }
 
   std::vector<int> kept = roles;
-  std::vector<int> resting, loose;
+  std::vector<int> resting, isolated;
   int resting_component_count = 0;
   std::vector<char> part_rests(static_cast<size_t>(parts.count), 0);
   for (int v = 0; v < n; ++v) {
     if (kept[v] != kFree || (has_triangle[v] && part_moves[parts.of_vertex[v]])) continue;
     kept[v] = kFixed;
     if (!has_triangle[v]) {
-      loose.push_back(v);
+      isolated.push_back(v);
       continue;
     }
     resting.push_back(v);
@@ -104,9 +104,9 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
     rests = 1;
   }
 
-  Region region = region_of(std::move(kept), handle_count);
+  Region region = region_of_roles(std::move(kept), handle_count);
   if (region.free.empty()) {
-    std::vector<int>& unreached = resting.empty() ? loose : resting;
+    std::vector<int>& unreached = resting.empty() ? isolated : resting;
     const int first = unreached.front();
     throw Error(Status::region, {Subject::vertex, first},
                 "and the rest of the region are on other loose parts of the mesh than the handles, "
@@ -115,7 +115,7 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
   }
   region.resting = std::move(resting);
   region.resting_component_count = resting_component_count;
-  region.loose = std::move(loose);
+  region.isolated = std::move(isolated);
   for (int v : region.free) {
     char& held = part_is_held[parts.of_vertex[v]];
     if (!held) region.grounds.push_back(v);

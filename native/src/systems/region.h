@@ -26,7 +26,7 @@ struct Region {
   /// Vertices given as free but made fixed, because no handle can move them.
   std::vector<int> resting;  ///< in components without a handle
   int resting_component_count = 0;
-  std::vector<int> loose;         ///< without a triangle
+  std::vector<int> isolated;      ///< without a triangle
   std::vector<int> idle_handles;  ///< handles without a free neighbour
 
   int free_count() const { return static_cast<int>(free.size()); }
@@ -34,7 +34,7 @@ struct Region {
 
 /// Numbers the free vertices of the given roles, which are not checked; independent of the mesh and
 /// its kind of elements.
-Region region_of(std::vector<int> roles, int handle_count);
+Region region_of_roles(std::vector<int> roles, int handle_count);
 
 /// Throws Error(region) naming the vertex whose role is neither kFree nor kFixed nor a handle, or
 /// the handle without a vertex.
@@ -53,7 +53,7 @@ enum class MovedBy {
 /// solution is the rest shape. Free vertices without a triangle become fixed too. Both are listed.
 /// Throws Error(region) when a role is out of range, a handle is missing or has no vertex, or
 /// nothing stays free.
-Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
-                    MovedBy moved_by = MovedBy::handles);
+Region make_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                   MovedBy moved_by = MovedBy::handles);
 
 }  // namespace dd

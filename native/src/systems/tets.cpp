@@ -17,7 +17,7 @@ namespace {
 
 // Range of edge lengths, in the mesh's units. Safety: their cubes, the volumes, stay within the
 // range of double.
-constexpr double kSmallest = 1e-90, kLargest = 1e90;
+constexpr double kMinEdge = 1e-90, kMaxEdge = 1e90;
 
 double signed_volume(const TetMesh& mesh, Index j) {
   const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, 0)),
@@ -29,7 +29,7 @@ double signed_volume(const TetMesh& mesh, Index j) {
 
 Region checked_region(const std::vector<int>& roles, int handle_count) {
   check_roles(roles, handle_count);
-  Region region = region_of(roles, handle_count);
+  Region region = region_of_roles(roles, handle_count);
   if (region.free.empty())
     throw Error(Status::region, "No vertex is free to follow", Remedy::free_vertices);
   if (region.free.size() == roles.size())
@@ -69,7 +69,7 @@ void validate(const TetMesh& mesh) {
       longest = std::max(
           longest,
           (mesh.positions.row(mesh.tets(j, k)) - mesh.positions.row(mesh.tets(j, 0))).norm());
-    if (!(longest > kSmallest && longest < kLargest)) {
+    if (!(longest > kMinEdge && longest < kMaxEdge)) {
       std::ostringstream sentence;
       sentence << name << " has an edge of length " << longest << ", too "
                << (longest < 1 ? "small" : "large")

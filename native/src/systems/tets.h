@@ -37,7 +37,7 @@ SparseMatrix deformation_operator(const TetMesh& mesh);
 /// GᵀDG (4) on the free vertices of a tetrahedral mesh, factored once: gradient editing of solids.
 class TetPoisson {
  public:
-  /// roles: as for split_region(). weights: the diagonal of D, m values: volumes, or ones for (10)
+  /// roles: as for make_region(). weights: the diagonal of D, m values: volumes, or ones for (10)
   /// as it stands. operator_: G or G̃. Throws Error; progress of the factorization, from 0 to 1.
   TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
              SparseMatrix operator_, const Eigen::VectorXd& weights, const Progress& progress = {});

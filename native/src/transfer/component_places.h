@@ -8,6 +8,7 @@
 #include "transfer/part_sums.h"
 #include "transfer/place_correction.h"
 #include "transfer/source_gradients.h"
+#include "transfer/transfer_context.h"
 
 namespace dd {
 
@@ -20,17 +21,14 @@ namespace dd {
 /// opens. With Displacements, A(b'_j) + S_j (c_j − A(b_j)) is replaced by c_j + s R (b'_j − b_j).
 class ComponentPlaces : public PlaceCorrection {
  public:
-  /// components: of the target, with those of their triangles that have a source. areas: of the
-  /// target's triangles. displacements: or null. All must outlive this.
-  ComponentPlaces(const Mesh& source, const Mesh& target, const std::vector<Component>& components,
-                  const Eigen::VectorXd& areas, const Similarity& placement,
-                  const SourceGradients& gradients, const Displacements* displacements,
-                  ThreadPool& pool);
+  /// areas: of the target's triangles. displacements: or null. Both must outlive this.
+  ComponentPlaces(const TransferContext& context, const Eigen::VectorXd& areas,
+                  const Displacements* displacements);
 
   void correct(const Positions& pose, Positions& result) override;
 
   /// The mean shift that pinned components would need in the last pose.
-  const Eigen::RowVector3d& lacked_by_pinned() const { return lacked_by_pinned_; }
+  const Eigen::RowVector3d& mean_residual_of_pinned() const { return mean_residual_of_pinned_; }
 
  private:
   const Mesh& target_;
@@ -40,9 +38,9 @@ class ComponentPlaces : public PlaceCorrection {
   const SourceGradients& gradients_;
   const Displacements* displacements_;
   ThreadPool& pool_;
-  PartSums over_triangles_;
+  PartSums triangle_sums_;
   Positions source_centres_;  // b_j, by triangle of the target
-  Eigen::RowVector3d lacked_by_pinned_ = Eigen::RowVector3d::Zero();
+  Eigen::RowVector3d mean_residual_of_pinned_ = Eigen::RowVector3d::Zero();
 };
 
 /// Shifts the components that nothing pins by the opposite of the mean shift that the pinned ones

@@ -26,7 +26,7 @@ class Contacts {
   Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd& masses, double reach);
 
   /// Takes a pose, y. Returns whether anything closes.
-  bool take(const Positions& posed, ThreadPool& pool);
+  bool find_closing(const Positions& posed, ThreadPool& pool);
 
   /// The displacements e of points p that bring closing points as near together as in the pose,
   /// each side by half. The row of point i is (c_i e_i, c_i) times the ratio of the mass that it
@@ -35,28 +35,31 @@ class Contacts {
   ///   e_i = ½ ((y_i − p_i) − mean_j (y_j − p_j)), weighted by c_ij,
   ///
   /// and falls off where e_i is much longer than the reach. Zero for represented points.
-  Rows missing(const Positions& posed, const Positions& placed, ThreadPool& pool) const;
+  Rows closing_displacements(const Positions& posed, const Positions& placed,
+                             ThreadPool& pool) const;
 
  private:
-  struct Pair {
+  struct ClosingPair {
     int points[2];
-    float share;  // c_ij
+    float closeness;  // c_ij
   };
   /// The representatives within reach of the bounding box of those that move.
-  std::vector<int> near_what_moves(const Positions& posed, ThreadPool& pool) const;
+  std::vector<int> near_moving(const Positions& posed, ThreadPool& pool) const;
   /// The closing pairs of the grid's points, by ranges that don't depend on the number of threads.
-  std::vector<std::vector<Pair>> closing_pairs(const PointGrid& grid, ThreadPool& pool) const;
+  std::vector<std::vector<ClosingPair>> closing_pairs(const PointGrid& grid,
+                                                      ThreadPool& pool) const;
 
-  struct Partner {
+  struct ClosingPartner {
     int point;
-    float share;  // c_ij
+    float closeness;  // c_ij
   };
   Positions rest_;
-  std::vector<int> parts_, chosen_;
-  std::vector<double> stands_for_;  // mass that each represents over its own; 0: is represented
+  std::vector<int> parts_, representatives_;
+  std::vector<double> mass_ratio_;  // mass that each represents over its own; 0: is represented
   double reach_;
-  std::vector<size_t> begin_;  // partners of point i: begin_[i] to begin_[i + 1]
-  std::vector<Partner> partners_;
+  std::vector<size_t>
+      partner_begin_;  // partners of point i: partner_begin_[i] to partner_begin_[i + 1]
+  std::vector<ClosingPartner> partners_;
 };
 
 }  // namespace dd

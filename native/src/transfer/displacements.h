@@ -9,6 +9,7 @@
 #include "systems/region.h"
 #include "transfer/place_correction.h"
 #include "transfer/source_points.h"
+#include "transfer/transfer_context.h"
 
 namespace dd {
 
@@ -24,14 +25,13 @@ namespace dd {
 /// of vertices with a point are extended harmonically to those without.
 class Displacements : public PlaceCorrection {
  public:
-  /// components: of the target; those that have sources and aren't held are displaced. All must
-  /// outlive this. Throws UnsolvableSurface.
-  Displacements(const Mesh& source, const Mesh& target, const std::vector<Component>& components,
-                const SourcePoints& points, const Similarity& placement, ThreadPool& pool);
+  /// Of the components those that have sources and aren't held are displaced. Throws
+  /// UnsolvableSurface.
+  explicit Displacements(const TransferContext& context);
 
   /// The displacement of a point of the target whose source moves from one place to another.
-  Eigen::Vector3d way(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
-    return turn_ * (to - from);
+  Eigen::Vector3d displacement(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
+    return scaled_rotation_ * (to - from);
   }
 
   /// pose: S'. result: T' by the gradients, in; displaced, out.
@@ -40,7 +40,7 @@ class Displacements : public PlaceCorrection {
  private:
   const Mesh &source_, &target_;
   const SourcePoints& points_;
-  Eigen::Matrix3d turn_;  // s R
+  Eigen::Matrix3d scaled_rotation_;  // s R
   ThreadPool& pool_;
   std::vector<int> known_;  // vertices with a point, of components that are displaced
   Region region_;           // free: vertices without a point

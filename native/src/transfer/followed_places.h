@@ -12,6 +12,7 @@
 #include "transfer/part_sums.h"
 #include "transfer/place_correction.h"
 #include "transfer/source_points.h"
+#include "transfer/transfer_context.h"
 
 namespace dd {
 
@@ -34,82 +35,93 @@ namespace dd {
 ///
 ///   (ℓ² L + D) Δ = D t (g − p'),   D: masses,
 ///
+/// with ℓ a hundredth (kSmoothingLength) and τ 3/1000 (kShapeTolerance) of the diagonal of the
+/// target's box,
 /// which leaves details as the gradients make them. A loose part that doesn't deform, such as an
 /// eye or a tooth, is shifted as a whole. Then gaps that close on the source are closed (Contacts).
 /// The correction is continuous in the pose, and zero where the source moves rigidly.
 class FollowedPlaces : public PlaceCorrection {
  public:
-  /// components: of the target; those that have sources and aren't held are corrected. All must
-  /// outlive this. Progress of two factorizations.
-  FollowedPlaces(const Mesh& source, const Mesh& target, const UnitBox& box,
-                 const std::vector<Component>& components, const SourcePoints& points,
-                 const Similarity& placement, const SourceGradients& gradients, Precision precision,
-                 ThreadPool& pool, const Progress& progress = {});
+  /// Of the components those that have sources and aren't held are corrected. progress: of two
+  /// factorizations.
+  explicit FollowedPlaces(const TransferContext& context, const Progress& progress = {});
 
-  /// pose: S', whose gradients SourceGradients has taken. result: T' by these, in; corrected, out.
+  /// pose: S', which SourceGradients::set_pose() was called with. result: T' by these, in;
+  /// corrected, out.
   void correct(const Positions& pose, Positions& result) override;
 
  private:
   /// A loose part. Means are over its rows with a known source point, weighted by mass.
-  struct Part {
+  struct FollowedPart {
     std::vector<int> triangles;  // indices into triangles_
     std::vector<int> rows;
     double area = 0, mass = 0;
-    Eigen::Vector3d before = Eigen::Vector3d::Zero();   // of A(b)
-    Eigen::Vector3d between = Eigen::Vector3d::Zero();  // of p − A(b)
+    Eigen::Vector3d mean_source_position = Eigen::Vector3d::Zero();  // of A(b)
+    Eigen::Vector3d mean_offset = Eigen::Vector3d::Zero();           // of p − A(b)
   };
   /// The motion of a part in a pose.
   struct PartMotion {
-    Eigen::Matrix3d turn;  // mean of S
-    double spread;         // Σ area ‖S − turn‖²
+    Eigen::Matrix3d mean_gradient;  // mean of S
+    double deviation;               // Σ area ‖S − turn‖²
   };
-  struct Motion {
+  struct AffineMotion {
     Eigen::Matrix3d linear;
     Eigen::Vector3d shift;
   };
   /// The shift of a part as a whole, and the share in [0, 1] that it replaces of the smooth
   /// correction.
-  struct Stiffness {
+  struct PartShift {
     Eigen::RowVector3d shift = Eigen::RowVector3d::Zero();
-    double share = 0;
+    double rigid_fraction = 0;
   };
-  void add(const Component& component, const Region& region, const Triangles& corners);
-  void find_means();
+  /// Adds the components that follow. Returns a region in which their vertices are free.
+  Region add_parts(const std::vector<Component>& components);
+  void add_part(const Component& component, const Region& region);
+  /// Computes areas_ and masses_. areas: of the target's triangles.
+  void measure(const Eigen::VectorXd& areas, const Region& region);
+  /// Sets detail_ to p − A(b), and makes contacts_.
+  void find_offsets(double contact_reach);
+  void compute_means();
   /// M, and the shift with which it takes A(b) to A(b') where S deforms least. parts: gets the
   /// motions.
-  Motion still_motion(const Positions& places, std::vector<PartMotion>& parts) const;
+  AffineMotion least_deforming_motion(const Positions& source_positions,
+                                      std::vector<PartMotion>& parts) const;
   /// A(b') of each row, zero if b isn't known.
-  Positions places_of_source(const Positions& pose) const;
+  Positions positions_of_source(const Positions& pose) const;
   /// t (g − p') of a row.
-  Eigen::RowVector3d missing(Index row, const Positions& places, const Eigen::Matrix3d& still,
-                             const Positions& result) const;
+  Eigen::RowVector3d weighted_residual(Index row, const Positions& source_positions,
+                                       const Eigen::Matrix3d& still_motion,
+                                       const Positions& result) const;
   /// For each part, the shift that moves its centre as its source's, and a share that is near 1 if
   /// the part hardly deforms. A part that turns in its place, as an eye does, turns about its own
   /// centre.
-  std::vector<Stiffness> stiffened(const std::vector<PartMotion>& motions, const Positions& places,
-                                   const Motion& still, const Positions& result) const;
-  void close(const Positions& places, Positions& result);
+  std::vector<PartShift> part_shifts(const std::vector<PartMotion>& motions,
+                                     const Positions& source_positions,
+                                     const AffineMotion& still_motion,
+                                     const Positions& result) const;
+  void close_contacts(const Positions& source_positions, Positions& result);
 
+  const Mesh& target_;
   const Similarity& placement_;
   const SourceGradients& gradients_;
   ThreadPool& pool_;
-  Fans fans_;  // of the target
+  VertexTriangles fans_;  // of the target
   const SourcePoints& points_;
-  double different_;  // τ
+  double shape_tolerance_;  // τ
 
   std::vector<int> triangles_;        // those with a source
   std::vector<int> row_of_triangle_;  // row of each one's first corner
   Eigen::VectorXd areas_;             // of these triangles
-  std::vector<Part> parts_;
-  PartSums over_triangles_, over_rows_;  // of each part
+  std::vector<FollowedPart> parts_;
+  PartSums triangle_sums_, row_sums_;  // of each part
   // Of each row of the system:
   std::vector<int> vertices_;
   std::vector<int> part_of_row_;
   Eigen::VectorXd masses_;
-  Positions rest_places_;     // A(b)
+  Positions rest_positions_;  // A(b)
   Positions shape_, detail_;  // ō_i and d_i, in the target's units
   std::unique_ptr<SparseCholesky> factor_;
-  SparseCholesky::Space space_;
+  SparseCholesky::SolveScratch space_;
   std::unique_ptr<Contacts> contacts_;
 };
 

@@ -12,8 +12,8 @@ class PlaceCorrection {
  public:
   virtual ~PlaceCorrection() = default;
 
-  /// pose: S', whose gradients SourceGradients has taken, in the source's units. result: T', which
-  /// this step moves, in the target's units.
+  /// pose: S', which SourceGradients::set_pose() was called with, in the source's units. result:
+  /// T', which this step moves, in the target's units.
   virtual void correct(const Positions& pose, Positions& result) = 0;
 };
 

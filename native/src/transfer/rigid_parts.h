@@ -5,6 +5,7 @@
 #include "transfer/place_correction.h"
 #include "transfer/source_gradients.h"
 #include "transfer/source_points.h"
+#include "transfer/transfer_context.h"
 
 namespace dd {
 
@@ -17,30 +18,28 @@ namespace dd {
 /// κ is small: gradients decide only where places leave the rotation open, as of thin parts.
 class RigidParts : public PlaceCorrection {
  public:
-  /// components: of the target; those that have sources and aren't held are moved. All must outlive
-  /// this.
-  RigidParts(const Mesh& source, const Mesh& target, const std::vector<Component>& components,
-             const SourcePoints& points, const Similarity& placement,
-             const SourceGradients& gradients);
+  /// Of the components those that have sources and aren't held are moved.
+  explicit RigidParts(const TransferContext& context);
 
-  /// pose: S', whose gradients SourceGradients has taken. result: T', in which the parts are moved.
+  /// pose: S', which SourceGradients::set_pose() was called with. result: T', in which the parts
+  /// are moved.
   void correct(const Positions& pose, Positions& result) override;
 
  private:
-  struct Part {
+  struct RigidPart {
     const Component& component;
-    std::vector<double> masses;  // of its vertices, zero without a known source point
-    double area;
-    Eigen::Vector3d centre;
-    double spread;  // Σ m_i |p_i − p̄|²
+    std::vector<double> masses = {};  // of its vertices, zero without a known source point
+    double area = 0;
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    double squared_extent = 0;  // Σ m_i |p_i − p̄|²
   };
   const Mesh &source_, &target_;
   const SourcePoints& points_;
   const Similarity& placement_;
   const SourceGradients& gradients_;
-  Fans fans_;
+  VertexTriangles fans_;
   Eigen::VectorXd areas_;
-  std::vector<Part> parts_;
+  std::vector<RigidPart> parts_;
 };
 
 }  // namespace dd

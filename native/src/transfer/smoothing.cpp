@@ -15,13 +15,13 @@ std::unique_ptr<SparseCholesky> Smoothing::factored(double length, Precision pre
                                                     const Progress& progress) {
   SparseMatrix block = length * length * laplacian_;
   for (int r = 0; r < region_.free_count(); ++r) block.coeffRef(r, r) += masses_[r];
-  BlockOptions how;
-  how.pool = &pool_;
-  how.precision = precision;
-  how.dissection = symbolic_ ? nullptr : &dissection_;
-  how.symbolic = symbolic_;
-  how.progress = progress;
-  auto factor = std::make_unique<SparseCholesky>(factor_free_block(block, region_, how));
+  BlockOptions block_options;
+  block_options.pool = &pool_;
+  block_options.precision = precision;
+  block_options.dissection = symbolic_ ? nullptr : &dissection_;
+  block_options.symbolic = symbolic_;
+  block_options.progress = progress;
+  auto factor = std::make_unique<SparseCholesky>(factor_free_block(block, region_, block_options));
   symbolic_ = factor->shared_symbolic();
   return factor;
 }

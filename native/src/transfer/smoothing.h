@@ -11,12 +11,12 @@ namespace dd {
 /// The smoothing length of corrections, as a fraction of the target box's diagonal. A longer one
 /// keeps more of the detail that gradients give, a shorter one follows the wanted places more
 /// closely.
-constexpr double kSmooth = 0.01;
+constexpr double kSmoothingLength = 0.01;
 /// A smoothed correction is divided by the smoothed indicator of the vertices that asked for one,
 /// so that smoothing doesn't lessen it; by at least this value, as at the edge of such an area.
-constexpr double kEdge = 0.25;
+constexpr double kMinSmoothedIndicator = 0.25;
 /// The least mass of a vertex, as a fraction of the mean mass. Safety: keeps D invertible.
-constexpr double kLeastMass = 1e-3;
+constexpr double kMinRelativeMass = 1e-3;
 
 /// Systems (length² L + D) x = D values over the free vertices of a surface. Their solution is the
 /// smooth part of values; D is a diagonal matrix of masses.

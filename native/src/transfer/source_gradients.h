@@ -38,13 +38,13 @@ class SourceGradients {
 
   /// Computes the gradients of a pose S', in the source's units. rotation_only: reduced to
   /// rotations.
-  void take(const Positions& pose, bool rotation_only, ThreadPool& pool);
+  void set_pose(const Positions& pose, bool rotation_only, ThreadPool& pool);
 
-  /// S_j of a target triangle in the pose taken.
+  /// S_j of a target triangle in the pose.
   const Eigen::Matrix3d& at(int target_triangle) const { return gradients_[target_triangle]; }
 
   /// The mean gradient of some target triangles, zero if there are none.
-  Eigen::Matrix3d mean_of(const Fans::Range& target_triangles) const;
+  Eigen::Matrix3d mean_of(const VertexTriangles::Range& target_triangles) const;
 
   /// Whether a target triangle has sources of its own.
   bool is_matched(int target_triangle) const { return matched_[target_triangle]; }
@@ -58,47 +58,47 @@ class SourceGradients {
   int overstretched_example() const { return overstretched_example_; }
 
   /// The first source of a matched triangle, as a triangle of the source mesh.
-  int first_source(int target_triangle) const { return used_[sources_[begin_[target_triangle]]]; }
+  int first_source(int target_triangle) const { return active_[sources_[begin_[target_triangle]]]; }
   /// Whether each target triangle has the source triangle of the same number alone.
   bool is_one_to_one() const;
-  /// The mean centre of a matched triangle's sources. places: of the source's vertices.
-  Eigen::Vector3d centre_of_sources(const Positions& places, int target_triangle) const;
+  /// The mean centre of a matched triangle's sources. positions: of the source's vertices.
+  Eigen::Vector3d centre_of_sources(const Positions& positions, int target_triangle) const;
 
  private:
-  void match(const Mesh& target, const Correspondence& correspondence);
+  void record_sources(const Mesh& target, const Correspondence& correspondence);
   void find_overstretched(const Mesh& target);
-  void take_means(bool rotation_only);
-  int numbered(int source_triangle);
+  void apply_means(bool rotation_only);
+  int active_index_of(int source_triangle);
   void prepare();
   /// Gives used triangles that a pose leaves without area the rotation of their nearest neighbour
   /// with one.
   void replace_collapsed(const Positions& pose);
-  void turn_onto_target(const Positions& pose, bool rotation_only, ThreadPool& pool);
+  void rotate_onto_target(const Positions& pose, bool rotation_only, ThreadPool& pool);
   Eigen::Matrix3d mean(int target_triangle, bool rotation_only) const;
 
   const Mesh& source_;
   Similarity placement_;
 
   // The sources of target triangle j are sources_[begin_[j]] to sources_[end_[j] − 1], as indices
-  // into used_. Empty only if none in its whole component has a source.
+  // into active_. Empty only if none in its whole component has a source.
   std::vector<int> begin_, end_, sources_;
   std::vector<char> matched_;
   int unmatched_count_ = 0, unmatched_example_ = -1;
 
   // The source's triangles that serve the target, renumbered.
-  std::vector<int> number_;  // index in used_ of every triangle of the source; -1: not used
-  StandIns stand_ins_;       // of every triangle of the source
-  std::vector<int> used_;
+  std::vector<int> active_index_;  // index in active_ of every triangle of the source; -1: not used
+  StandIns stand_ins_;             // of every triangle of the source
+  std::vector<int> active_;
   std::vector<Eigen::Matrix3d> rest_inverse_;  // [e1 e2 n]⁻¹ (15) of their stand-ins
   std::vector<RotationBlock<double>> rotation_blocks_;
-  std::vector<Eigen::Matrix3d> used_gradients_;
+  std::vector<Eigen::Matrix3d> active_gradients_;
   Rows source_rows_, quaternions_;
 
-  struct Mean {
+  struct AreaMean {
     int of;
     std::vector<std::pair<int, double>> shares;  // they sum to 1
   };
-  std::vector<Mean> means_;
+  std::vector<AreaMean> means_;
   int overstretched_example_ = -1;
 
   std::vector<Eigen::Matrix3d> gradients_;  // of each target triangle

@@ -7,6 +7,7 @@
 #include "mesh/aabb_tree.h"
 #include "mesh/topology.h"
 #include "transfer/source_gradients.h"
+#include "transfer/transfer_context.h"
 
 namespace dd {
 
@@ -16,10 +17,9 @@ namespace dd {
 /// meshes of the same topology that correspond one to one, the point is the same vertex.
 class SourcePoints {
  public:
-  /// given: more exact points, for each vertex (triangle -1: not given) or empty; their weights sum
-  /// to about 1.
-  SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
-               const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool,
+  /// fans: of the target. given: more exact points, for each vertex (triangle −1: not given) or
+  /// empty; their weights sum to about 1. The context's own points aren't read.
+  SourcePoints(const TransferContext& context, const VertexTriangles& fans,
                const std::vector<PointOnTriangle>& given = {});
 
   /// Takes points that are known already.
@@ -28,9 +28,9 @@ class SourcePoints {
 
   /// Whether a vertex has a point: it was given, or one of its triangles has a source.
   bool is_known(int vertex) const { return points_[vertex].triangle >= 0; }
-  /// The position of a vertex' point. places: of the source's vertices.
-  Eigen::Vector3d at(const Positions& places, int vertex) const {
-    return place_of(points_[vertex], places, triangles_).transpose();
+  /// The position of a vertex' point. positions: of the source's vertices.
+  Eigen::Vector3d at(const Positions& positions, int vertex) const {
+    return position_of(points_[vertex], positions, triangles_).transpose();
   }
 
  private:

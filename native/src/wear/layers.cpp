@@ -9,29 +9,32 @@ namespace {
 
 // Least cosine between the arm from the point below and that from the body: leaves out what lies
 // beside.
-constexpr double kStraight = 0.8;
+constexpr double kMinCosineToBody = 0.8;
 
 }  // namespace
 
-Layers::Layers(const Mesh& garment, const Positions& arms, double reach, ThreadPool& pool)
+Layers::Layers(const Mesh& garment, const Positions& body_offsets, double max_distance,
+               ThreadPool& pool)
     : triangles_(garment.triangles), of_vertex_(static_cast<size_t>(garment.vertex_count()), -1) {
   const AabbTree tree(garment);
   std::vector<PointOnTriangle> below(of_vertex_.size());
   pool.parallel_for(garment.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index v = begin; v < end; ++v) {
-      const Eigen::Vector3d place = garment.positions.row(v).transpose(),
-                            arm = arms.row(v).transpose();
-      const double length = arm.norm();
+      const Eigen::Vector3d position = garment.positions.row(v).transpose(),
+                            offset = body_offsets.row(v).transpose();
+      const double length = offset.norm();
       if (!(length > 0)) continue;
-      below[size_t(v)] = tree.nearest(place, std::min(length, reach), [&](int j) {
+      below[size_t(v)] = tree.nearest(position, std::min(length, max_distance), [&](int j) {
         double deepest = 0;
         for (int corner : triangles_.row(j)) {
           if (corner == v) return false;
-          deepest = std::max(deepest, (place - garment.positions.row(corner).transpose()).dot(arm));
+          deepest =
+              std::max(deepest, (position - garment.positions.row(corner).transpose()).dot(offset));
         }
         if (!(deepest > 0)) return false;
-        const Eigen::Vector3d way = place - nearest_on_triangle(garment, j, place).place;
-        return way.dot(arm) > kStraight * length * way.norm();
+        const Eigen::Vector3d to_vertex =
+            position - nearest_on_triangle(garment, j, position).position;
+        return to_vertex.dot(offset) > kMinCosineToBody * length * to_vertex.norm();
       });
     }
   });
@@ -39,13 +42,14 @@ Layers::Layers(const Mesh& garment, const Positions& arms, double reach, ThreadP
     if (below[v].triangle < 0) continue;
     of_vertex_[v] = count();
     layers_.push_back({static_cast<int>(v), below[v],
-                       garment.positions.row(Index(v)).transpose() - below[v].place});
+                       garment.positions.row(Index(v)).transpose() - below[v].position});
   }
 }
 
-Eigen::Vector3d Layers::arm_in(int layer, const Positions& garment) const {
-  const Layer& one = layers_[size_t(layer)];
-  return (garment.row(one.vertex) - place_of(one.below, garment, triangles_)).transpose();
+Eigen::Vector3d Layers::offset_in(int layer, const Positions& garment) const {
+  const Layer& this_layer = layers_[size_t(layer)];
+  return (garment.row(this_layer.vertex) - position_of(this_layer.below, garment, triangles_))
+      .transpose();
 }
 
 }  // namespace dd

@@ -12,16 +12,16 @@ namespace dd {
 /// rest have another part of the garment between them and the body. It stays below them.
 class Layers {
  public:
-  /// arms: for each vertex of the garment, the vector to it from its point on the body; zero leaves
-  /// it out. reach: the largest distance between layers.
-  Layers(const Mesh& garment, const Positions& arms, double reach, ThreadPool& pool);
+  /// body_offsets: for each vertex of the garment, the vector to it from its point on the body;
+  /// zero leaves it out. max_distance: the largest distance between layers.
+  Layers(const Mesh& garment, const Positions& body_offsets, double max_distance, ThreadPool& pool);
 
   int count() const { return static_cast<int>(layers_.size()); }
   int vertex(int layer) const { return layers_[size_t(layer)].vertex; }
   /// The vector to the vertex from the point of the garment below it, at rest.
-  const Eigen::Vector3d& arm(int layer) const { return layers_[size_t(layer)].arm; }
+  const Eigen::Vector3d& offset(int layer) const { return layers_[size_t(layer)].offset; }
   /// The same with the garment's vertices at the given positions.
-  Eigen::Vector3d arm_in(int layer, const Positions& garment) const;
+  Eigen::Vector3d offset_in(int layer, const Positions& garment) const;
   /// The index of a vertex' layer; −1: nothing lies below it.
   int of(int vertex) const { return of_vertex_[size_t(vertex)]; }
 
@@ -29,7 +29,7 @@ class Layers {
   struct Layer {
     int vertex;
     PointOnTriangle below;
-    Eigen::Vector3d arm;
+    Eigen::Vector3d offset;
   };
   const Triangles& triangles_;
   std::vector<Layer> layers_;

@@ -14,7 +14,7 @@ namespace {
 
 // Multiple of the distance of the closest point up to which one that faces the same way is
 // preferred.
-constexpr double kFartherFacing = 1.5;
+constexpr double kMaxFacingDistanceRatio = 1.5;
 constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
 
 }  // namespace
@@ -25,14 +25,15 @@ NearestPoints::NearestPoints(const Mesh& source, const Mesh& target, const Simil
       of_centres(static_cast<size_t>(target.triangle_count())) {
   const AabbTree tree(source);
   const double side = placement.rotation.determinant() < 0 ? -1 : 1;  // a mirror turns normals over
-  const auto nearest = [&](const Eigen::Vector3d& place, const Eigen::Vector3d& normal) {
-    const Eigen::Vector3d here =
-        placement.rotation.transpose() * (place - placement.shift) / placement.scale;
-    const PointOnTriangle any = tree.nearest(here, kAnyDistance, [](int) { return true; });
+  const auto nearest = [&](const Eigen::Vector3d& position, const Eigen::Vector3d& normal) {
+    const Eigen::Vector3d source_position =
+        placement.rotation.transpose() * (position - placement.shift) / placement.scale;
+    const PointOnTriangle any =
+        tree.nearest(source_position, kAnyDistance, [](int) { return true; });
     const Eigen::Vector3d facing = side * placement.rotation.transpose() * normal;
-    const double reach = kFartherFacing * std::sqrt(any.squared_distance);
-    const PointOnTriangle alike = tree.nearest_facing(here, facing, reach);
-    return alike.triangle >= 0 ? alike : any;
+    const double reach = kMaxFacingDistanceRatio * std::sqrt(any.squared_distance);
+    const PointOnTriangle facing_point = tree.nearest_facing(source_position, facing, reach);
+    return facing_point.triangle >= 0 ? facing_point : any;
   };
   const Positions at_vertices = summed_normals(target.positions, target.triangles);
   const Positions at_centres = triangle_normals(target.positions, target.triangles);

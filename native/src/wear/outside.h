@@ -24,25 +24,25 @@ class Outside {
   Outside(const PosedSurface& surface, const AabbTree& tree,
           const std::vector<PointOnTriangle>& seeds, ThreadPool& pool);
 
-  struct Level {
+  struct Height {
     double height;              ///< f
     Eigen::Vector3d direction;  ///< unit vector in which it grows; zero if the patch has no area
   };
-  Level at(Index point, const Eigen::Vector3d& place) const;
+  Height at(Index point, const Eigen::Vector3d& position) const;
   /// A cheap lower bound of side × f: the least height over a plane of the patch.
-  double least(Index point, const Eigen::Vector3d& place, double side) const;
+  double lower_bound(Index point, const Eigen::Vector3d& position, double side) const;
   /// See FarSides::outwardness().
   double outwardness(Index point) const;
 
  private:
-  Fans::Range patch(Index point) const {
+  VertexTriangles::Range patch(Index point) const {
     return {patches_.data() + begin_[size_t(point)], patches_.data() + begin_[size_t(point) + 1]};
   }
-  FarSides::About about(int point) const;
+  FarSides::PointPatch point_patch(int point) const;
 
   const PosedSurface& surface_;
   std::vector<int> begin_{0}, patches_;  // patch of point i: begin_[i] to begin_[i + 1]
-  std::vector<double> widths_;           // ε² of each triangle, at rest
+  std::vector<double> squared_widths_;   // ε² of each triangle, at rest
   SourcePoints seeds_;
   std::unique_ptr<FarSides> far_sides_;
 };

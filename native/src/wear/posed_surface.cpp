@@ -9,11 +9,11 @@ namespace dd {
 PosedSurface::PosedSurface(Mesh at_rest, ThreadPool& pool)
     : mesh_(std::move(at_rest)), fans_(mesh_.triangles, mesh_.vertex_count()) {
   planes_.resize(mesh_.triangle_count(), 4);
-  areas_.resize(mesh_.triangle_count());
-  take(mesh_.positions, pool);
+  doubled_areas_.resize(mesh_.triangle_count());
+  set_pose(mesh_.positions, pool);
 }
 
-void PosedSurface::take(const Positions& posed, ThreadPool& pool) {
+void PosedSurface::set_pose(const Positions& posed, ThreadPool& pool) {
   mesh_.positions = posed;
   pool.parallel_for(planes_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index j = begin; j < end; ++j) {
@@ -24,7 +24,7 @@ void PosedSurface::take(const Positions& posed, ThreadPool& pool) {
       const double doubled = normal.norm();
       if (doubled > 0) normal /= doubled;
       planes_.row(j) << normal, -normal.dot(corner(0));
-      areas_[j] = doubled;
+      doubled_areas_[j] = doubled;
     }
   });
 }

@@ -7,28 +7,28 @@
 
 namespace dd {
 
-/// A deforming surface with its triangles' planes and areas, in the pose taken last; at first at
+/// A deforming surface with its triangles' planes and areas, in the pose set last; at first at
 /// rest.
 class PosedSurface {
  public:
   PosedSurface(Mesh at_rest, ThreadPool& pool);
 
-  void take(const Positions& posed, ThreadPool& pool);
+  void set_pose(const Positions& posed, ThreadPool& pool);
 
   const Mesh& mesh() const { return mesh_; }
   /// The triangles around a vertex.
-  Fans::Range fan(int vertex) const { return fans_.of(vertex); }
+  VertexTriangles::Range fan(int vertex) const { return fans_.of(vertex); }
 
   /// The normal of triangle j, zero where it has no area.
   Eigen::RowVector3d normal(int j) const { return planes_.row(j).head<3>(); }
   /// The signed height of a place over the plane of triangle j.
-  double height(int j, const Eigen::Vector3d& place) const {
-    return planes_.row(j).head<3>().dot(place) + planes_(j, 3);
+  double height(int j, const Eigen::Vector3d& position) const {
+    return planes_.row(j).head<3>().dot(position) + planes_(j, 3);
   }
   /// Twice the area of each triangle.
-  const Eigen::VectorXd& areas() const { return areas_; }
+  const Eigen::VectorXd& doubled_areas() const { return doubled_areas_; }
 
-  /// Sums over some triangles, by areas(), which are doubled.
+  /// Sums over some triangles, by doubled_areas().
   struct Patch {
     Eigen::RowVector3d normal = Eigen::RowVector3d::Zero();  ///< Σ area n
     double area = 0;                                         ///< Σ area
@@ -37,17 +37,17 @@ class PosedSurface {
   Patch patch(const Range& triangles) const {
     Patch sum;
     for (int j : triangles) {
-      sum.normal += areas_[j] * normal(j);
-      sum.area += areas_[j];
+      sum.normal += doubled_areas_[j] * normal(j);
+      sum.area += doubled_areas_[j];
     }
     return sum;
   }
 
  private:
   Mesh mesh_;
-  Fans fans_;
+  VertexTriangles fans_;
   Rows planes_;  // of each triangle: n and −nᵀ a
-  Eigen::VectorXd areas_;
+  Eigen::VectorXd doubled_areas_;
 };
 
 }  // namespace dd

@@ -8,8 +8,9 @@
 
 namespace dd {
 
-/// Heights of a target over vertices of a deforming surface, each over the same point of the target
-/// as at rest. They show where the surface rises between a garment's vertices.
+/// Heights of a target, such as a garment, over vertices of a deforming surface: the probes. Each
+/// is measured at the point of the target that was closest to the probe at rest. So probes find
+/// where the surface comes through a triangle of the target whose corners are all outside.
 class Probes {
  public:
   /// Probes are the vertices of the surface with a closest point of the target within reach, in
@@ -18,30 +19,32 @@ class Probes {
   Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& target, double reach,
          ThreadPool& pool);
 
-  /// Updates the directions; to be called when the surface has taken a pose.
-  void look(ThreadPool& pool);
+  /// Updates the directions; to be called when the surface's pose was set.
+  void update_directions(ThreadPool& pool);
 
   int count() const { return static_cast<int>(probes_.size()); }
   double height(int probe, const Positions& target) const;
   /// The surface's unit normal at a probe's vertex.
   Eigen::Vector3d direction(int probe) const { return directions_.row(probe).transpose(); }
   /// See FarSides::outwardness().
-  double outwardness(int probe) const { return far_sides_->outwardness(probe, about(probe)); }
+  double outwardness(int probe) const { return far_sides_->outwardness(probe, point_patch(probe)); }
 
-  /// The shift of a target vertex that, with those of its triangle's other corners, raises the
-  /// target by 1 over a probe. Of least norm: λ_k / Σ λ², λ the barycentric weights.
-  struct Part {
+  /// What a probe asks of one corner of the target's triangle over it: the corner's shift along the
+  /// probe's direction that, together with those of the other two corners, raises the target by 1
+  /// over the probe. Of all such shifts those with the least sum of squares, λ_k / Σ λ², λ the
+  /// barycentric weights of the point over the probe.
+  struct CornerShift {
     int probe;
     double shift;
   };
-  struct Parts {
-    const Part *first, *last;
-    const Part* begin() const { return first; }
-    const Part* end() const { return last; }
+  struct CornerShifts {
+    const CornerShift *first, *last;
+    const CornerShift* begin() const { return first; }
+    const CornerShift* end() const { return last; }
   };
-  Parts of(int target_vertex) const {
-    return {parts_.data() + begin_[size_t(target_vertex)],
-            parts_.data() + begin_[size_t(target_vertex) + 1]};
+  CornerShifts of(int target_vertex) const {
+    return {corner_shifts_.data() + corner_shift_begin_[size_t(target_vertex)],
+            corner_shifts_.data() + corner_shift_begin_[size_t(target_vertex) + 1]};
   }
 
  private:
@@ -49,7 +52,7 @@ class Probes {
     int vertex;            // of the surface
     PointOnTriangle over;  // of the target
   };
-  FarSides::About about(int probe) const {
+  FarSides::PointPatch point_patch(int probe) const {
     const int vertex = probes_[size_t(probe)].vertex;
     return {surface_.mesh().positions.row(vertex), surface_.patch(surface_.fan(vertex))};
   }
@@ -57,8 +60,8 @@ class Probes {
   const PosedSurface& surface_;
   Triangles target_;
   std::vector<Probe> probes_;
-  std::vector<int> begin_;  // parts of target vertex v: begin_[v] to begin_[v + 1]
-  std::vector<Part> parts_;
+  std::vector<int> corner_shift_begin_;  // of each target vertex, in corner_shifts_
+  std::vector<CornerShift> corner_shifts_;
   Positions directions_;
   std::unique_ptr<FarSides> far_sides_;
 };

@@ -9,6 +9,7 @@
 #include "transfer/place_correction.h"
 #include "transfer/source_gradients.h"
 #include "transfer/source_points.h"
+#include "transfer/transfer_context.h"
 #include "wear/layers.h"
 #include "wear/nearest_points.h"
 #include "wear/outside.h"
@@ -26,49 +27,51 @@ namespace dd {
 ///
 ///   (ℓ² L + W) Δ = W (g − p'),   W = D / (1 + |p − A(b)|² / δ²),   D: masses,
 ///
-/// so that vertices close to the body keep their places and loose ones follow the gradients. Then
-/// vertices are moved out (Outside) that have come nearer to the source than a gap, and than three
-/// quarters of their distance at rest. So are triangles to which the source's own vertices have
-/// come as near (Probes). These corrections are smooth in the first rounds and by vertex in the
-/// last ones. Vertices over another layer of the garment (Layers) keep three quarters of their
-/// distance from it. All corrections are continuous in the pose, and zero where the source moves
-/// rigidly. Where the source folds through itself, which leaves no outside, they fade out
-/// (FarSides).
+/// with the smoothing length ℓ and the distance δ one hundredth and one twentieth of the diagonal
+/// of the target's box (kSmoothingLength, kLooseDistance), so that vertices close to the body keep
+/// their places and loose ones follow the gradients. Then vertices are moved out (Outside) that
+/// have come nearer to the source than a gap, and than three quarters of their distance at rest. So
+/// are triangles to which the source's own vertices have come as near (Probes). These corrections
+/// are smooth in the first rounds and by vertex in the last ones. Vertices over another layer of
+/// the garment (Layers) keep three quarters of their distance from it. All corrections are
+/// continuous in the pose, and zero where the source moves rigidly. Where the source folds through
+/// itself, which leaves no outside, they fade out (FarSides).
 class WornPlaces : public PlaceCorrection {
  public:
-  /// region: of the target; its free vertices move. gap: as a fraction of the diagonal of the
-  /// target's box; negative: the garment isn't kept outside. All must outlive this.
-  WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& box, const Region& region,
-             const NearestPoints& points, const Similarity& placement,
-             const SourceGradients& gradients, double gap, Precision precision, ThreadPool& pool,
-             const Progress& progress = {});
+  /// region: of the target; its free vertices move. points: of the source, under the placement.
+  /// gap: as a fraction of the diagonal of the target's box; negative: the garment isn't kept
+  /// outside. All must outlive this.
+  WornPlaces(const TransferContext& context, const Region& region, const NearestPoints& points,
+             double gap, const Progress& progress = {});
 
-  /// pose: S', whose gradients SourceGradients has taken. result: T' by these, in; corrected, out.
+  /// pose: S', which SourceGradients::set_pose() was called with. result: T' by these, in;
+  /// corrected, out.
   void correct(const Positions& pose, Positions& result) override;
 
   /// Vertices that are on the wrong side of the source at rest; none without a gap.
-  const std::vector<int>& through() const { return through_; }
+  const std::vector<int>& penetrating() const { return penetrating_; }
 
  private:
   RowMatrix smooth(const RowMatrix& values) const;
   void prepare_outside(const NearestPoints& points, double gap);
-  /// The shifts that vertices, then probes and then layers need.
+  /// The shifts that vertices, then probes and then layers need, a row for each.
   struct Shifts {
     Rows rows;  // unit direction, length
     /// For each vertex, its position when its height was last computed, and by how much that
-    /// exceeded the least one; 0: not computed yet.
-    Positions seen;
-    std::vector<double> spare;
+    /// exceeded its least height then; 0: not computed yet.
+    Positions last_positions;
+    std::vector<double> margins;
   };
-  /// Computes the shifts, of vertices only if they have moved by half of what they had to spare.
-  /// Returns whether anything needs to be moved. upwards: directions_of_layers().
-  bool look(const Positions& result, const Positions& upwards, Shifts& shifts) const;
+  /// Computes the shifts, of a vertex only if it has moved by half of its margin.
+  /// Returns whether anything needs to be moved. layer_directions: directions_of_layers().
+  bool compute_shifts(const Positions& result, const Positions& layer_directions,
+                      Shifts& shifts) const;
   /// For each layer, the unit vector to its vertex from the point below, turned by the pose's
   /// gradients.
   Positions directions_of_layers() const;
   /// For each free vertex, the mean of its own shift and those for probes and layers, and of their
   /// lengths, both weighted by the squared length.
-  Rows gathered(const Shifts& shifts) const;
+  Rows mean_shifts(const Shifts& shifts) const;
   void move_out(Positions& result) const;
 
   const Mesh &source_, &target_;
@@ -76,20 +79,20 @@ class WornPlaces : public PlaceCorrection {
   const Similarity& placement_;
   const SourceGradients& gradients_;
   ThreadPool& pool_;
-  Fans fans_;
-  SourcePoints points_;
-  double unit_;           // diagonal of the target's box
-  Positions arms_;        // p_i − A(b_i), of each row
-  Eigen::VectorXd held_;  // W
+  VertexTriangles fans_;
+  SourcePoints body_points_;
+  double box_diagonal_;      // diagonal of the target's box
+  Positions body_offsets_;   // p_i − A(b_i), of each row
+  Eigen::VectorXd weights_;  // W
   std::unique_ptr<SparseCholesky> factor_;
 
   std::unique_ptr<PosedSurface> body_;  // null: the garment isn't kept outside
   std::unique_ptr<Outside> outside_;    // of the vertices
   std::unique_ptr<Probes> probes_;
   std::unique_ptr<Layers> layers_;
-  double side_ = 1;            // of the body on which most of the garment is; −1: inside
-  std::vector<double> least_;  // least side × height of each vertex, then of each probe
-  std::vector<int> through_;
+  double body_side_ = 1;             // of the body on which most of the garment is; −1: inside
+  std::vector<double> min_heights_;  // least side × height of each vertex, then of each probe
+  std::vector<int> penetrating_;
 };
 
 }  // namespace dd

@@ -63,24 +63,25 @@ class ExampleFit {
 
  private:
   /// Constants of the guess and of the restraint, see above.
-  struct Starts {
+  struct GuessConstants {
     Eigen::VectorXd sizes;      // D_i
     Eigen::VectorXd constants;  // c_i
     Eigen::MatrixXd forces;     // q_i: a column for each example, 4 rows for each handle vertex
   };
-  const Starts& starts(bool rotation_only);
+  const GuessConstants& guess_constants(bool rotation_only);
   /// Solves for p' with these weights. Returns the first sum of the energy.
-  double take(const Eigen::VectorXd& weights, bool rotation_only);
+  double solve_for_weights(const Eigen::VectorXd& weights, bool rotation_only);
   /// The guess g. at_rest: E_0. handles: x, 4 numbers for each handle vertex.
-  Eigen::VectorXd guess(const Starts& starts, double at_rest, const Eigen::VectorXd& handles) const;
+  Eigen::VectorXd guess(const GuessConstants& guess_constants, double at_rest,
+                        const Eigen::VectorXd& handles) const;
   /// Half the derivatives of the first sum of the energy by w, at the last weights.
-  void derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
+  void find_derivatives(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
 
   Index example_count_;
   double area_;  // of the surface
   ExampleSystem<Real> system_;
-  std::vector<Rows> followed_;         // L⁻¹ div J_i of each example, at the last derivatives
-  std::unique_ptr<Starts> starts_[2];  // [rotation_only]
+  std::vector<Rows> position_responses_;  // L⁻¹ div J_i of each example, at the last derivatives
+  std::unique_ptr<GuessConstants> guess_constants_[2];  // [rotation_only]
 };
 
 }  // namespace dd

@@ -11,8 +11,8 @@ namespace dd {
 
 namespace {
 
-constexpr int kMostChunks = 64;  // limit on chunks, and so on the threads that share a pass
-constexpr int kLeastChunk = 8;   // blocks in a chunk: fewer aren't worth a task
+constexpr int kMaxChunks = 64;      // limit on chunks, and so on the threads that share a pass
+constexpr int kMinChunkBlocks = 8;  // blocks in a chunk: fewer aren't worth a task
 
 }  // namespace
 
@@ -21,14 +21,14 @@ ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& po
     : poisson_(poisson),
       example_count_(static_cast<int>(of.examples.size())),
       layout_(poisson.active()),
-      blocks_(layout_.without_targets<ExampleBlock<Real>>(poisson)) {
+      blocks_(layout_.discarding_blocks<ExampleBlock<Real>>(poisson)) {
   const Triangles& t = of.surface.operators.triangles;
   const size_t count = blocks_.size();
   changes_.assign(count * size_t(example_count_), {});
   pose_.assign(count, {});
   misfit_.assign(count, {});
-  layout_.each(poisson.active(), [&](int place, int section, int b, int lane) {
-    const int j = poisson.active().triangles[place];
+  layout_.each(poisson.active(), [&](int active_index, int section, int b, int lane) {
+    const int j = poisson.active().triangles[active_index];
     ExampleBlock<Real>& block = blocks_[b];
     const auto cotangents = of.surface.operators.metric.cotangents.row(j);
     const double a = std::sqrt(0.5 * (cotangents[1] + cotangents[2]));
@@ -38,7 +38,7 @@ ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& po
     block.c[lane] = static_cast<Real>(c);
     for (int k = 0; k < 3; ++k) {
       block.corner[(k + 1) % 3][lane] = poisson.order().row_of_vertex[t(j, k)];
-      block.target[k][lane] = poisson.target(section, t(j, k));
+      block.target[k][lane] = poisson.right_hand_side_row(section, t(j, k));
     }
     using InPlane = Eigen::Matrix<double, 3, 2>;
     const auto in_plane = [&](const Positions& x) {
@@ -48,24 +48,24 @@ ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& po
       columns << a * first + skew * second, c * second;
       return columns;
     };
-    const auto put = [lane](Real(*gradient)[kLanes], const InPlane& columns) {
+    const auto store = [lane](Real(*gradient)[kLanes], const InPlane& columns) {
       for (int k = 0; k < 6; ++k) gradient[k][lane] = static_cast<Real>(columns(k % 3, k / 3));
     };
     const InPlane rest = in_plane(of.surface.mesh.positions);
-    put(block.rest, rest);
+    store(block.rest, rest);
     for (int i = 0; i < example_count_; ++i) {
       ExampleChange<Real>& change = changes_[size_t(b) * size_t(example_count_) + size_t(i)];
-      const Eigen::Vector3d turn = of.turns.at(i, j);
+      const Eigen::Vector3d turn = of.logarithms.at(i, j);
       for (int k = 0; k < 3; ++k) change.turn[k][lane] = static_cast<Real>(turn[k]);
       // Exact for any chosen turn, though its exponential may not be the polar rotation.
-      put(change.stretch, rotation_by(-turn) * in_plane(of.examples[size_t(i)]) - rest);
+      store(change.stretch, rotation_by(-turn) * in_plane(of.examples[size_t(i)]) - rest);
     }
   });
 }
 
 template <class Real>
 int ExamplePass<Real>::chunk_count() const {
-  return std::clamp(layout_.count() / kLeastChunk, 1, kMostChunks);
+  return std::clamp(layout_.count() / kMinChunkBlocks, 1, kMaxChunks);
 }
 
 template <class Real>
@@ -81,25 +81,26 @@ void ExamplePass<Real>::by_chunks(const Body& body) const {
 template <class Real>
 ExampleView<Real> ExamplePass<Real>::view() {
   return {example_count_, blocks_.data(), changes_.data(),
-          pose_.data(),   misfit_.data(), slopes_.data()};
+          pose_.data(),   misfit_.data(), derivatives_.data()};
 }
 
 template <class Real>
 void ExamplePass<Real>::pose(int section, const Eigen::VectorXd& weights, bool rotation_only,
                              double* rows) {
-  std::vector<Real> of_real(size_t(weights.size()));
-  for (size_t i = 0; i < of_real.size(); ++i) of_real[i] = static_cast<Real>(weights[Index(i)]);
+  std::vector<Real> real_weights(size_t(weights.size()));
+  for (size_t i = 0; i < real_weights.size(); ++i)
+    real_weights[i] = static_cast<Real>(weights[Index(i)]);
   kernels().of<Real>().example_pose(view(), layout_.begin[section], layout_.begin[section + 1],
-                                    of_real.data(), rotation_only, rows);
+                                    real_weights.data(), rotation_only, rows);
 }
 
 template <class Real>
-double ExamplePass<Real>::size() const {
+double ExamplePass<Real>::squared_size() const {
   std::vector<double> sums(size_t(chunk_count()), 0);
   by_chunks([&](int begin, int end, int chunk) {
     double sum = 0;
     for (int b = begin; b < end; ++b)
-      for (const auto& lanes : pose_[b].moved)
+      for (const auto& lanes : pose_[b].change)
         for (const Real x : lanes) sum += static_cast<double>(x * x);
     sums[chunk] = sum;
   });
@@ -123,33 +124,33 @@ Rows ExamplePass<Real>::misfit_divergence(int row_count) {
 }
 
 template <class Real>
-void ExamplePass<Real>::slope(int example, int section, double* rows) {
-  kernels().of<Real>().example_slope(view(), example, layout_.begin[section],
-                                     layout_.begin[section + 1], rows);
+void ExamplePass<Real>::derivative(int example, int section, double* rows) {
+  kernels().of<Real>().example_derivative(view(), example, layout_.begin[section],
+                                          layout_.begin[section + 1], rows);
 }
 
 template <class Real>
-void ExamplePass<Real>::second_order(const std::vector<Rows>& followed, Eigen::MatrixXd& hessian,
-                                     Eigen::VectorXd& gradient) {
+void ExamplePass<Real>::second_order(const std::vector<Rows>& position_responses,
+                                     Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
   using Lanes = Eigen::Array<Real, kLanes, 1>;
   const size_t count = size_t(example_count_), per_chunk = count * (count + 3) / 2;
   std::vector<Real> sums(size_t(chunk_count()) * per_chunk * kLanes, 0);
-  std::vector<ExampleBend<Real>> bends(size_t(chunk_count()) * count);
-  std::vector<const double*> of_example;
-  of_example.reserve(followed.size());
-  for (const Rows& rows : followed) of_example.push_back(rows.data());
-  const auto of_chunk = [&](int chunk) {
+  std::vector<ExampleSecondOrder<Real>> bends(size_t(chunk_count()) * count);
+  std::vector<const double*> response_rows;
+  response_rows.reserve(position_responses.size());
+  for (const Rows& rows : position_responses) response_rows.push_back(rows.data());
+  const auto chunk_sums = [&](int chunk) {
     return reinterpret_cast<Real(*)[kLanes]>(sums.data() + size_t(chunk) * per_chunk * kLanes);
   };
   by_chunks([&](int begin, int end, int chunk) {
-    kernels().of<Real>().example_second_order(view(), begin, end, of_example.data(),
+    kernels().of<Real>().example_second_order(view(), begin, end, response_rows.data(),
                                               bends.data() + size_t(chunk) * count,
-                                              of_chunk(chunk));
+                                              chunk_sums(chunk));
   });
   hessian.setZero(example_count_, example_count_);
   gradient.setZero(example_count_);
   for (int chunk = 0; chunk < chunk_count(); ++chunk) {
-    const Real(*sum)[kLanes] = of_chunk(chunk);
+    const Real(*sum)[kLanes] = chunk_sums(chunk);
     const auto next = [&] { return Eigen::Map<const Lanes>(*sum++).template cast<double>().sum(); };
     for (int i = 0; i < example_count_; ++i) {
       for (int k = 0; k <= i; ++k) hessian(i, k) += next();
@@ -161,10 +162,10 @@ void ExamplePass<Real>::second_order(const std::vector<Rows>& followed, Eigen::M
 
 template <class Real>
 double ExamplePass<Real>::bytes() const {
-  return static_cast<double>(blocks_.size() * sizeof(ExampleBlock<Real>) +
-                             changes_.size() * sizeof(ExampleChange<Real>) +
-                             pose_.size() * sizeof(ExamplePose<Real>) +
-                             (misfit_.size() + slopes_.size()) * sizeof(ExampleGradient<Real>));
+  return static_cast<double>(
+      blocks_.size() * sizeof(ExampleBlock<Real>) + changes_.size() * sizeof(ExampleChange<Real>) +
+      pose_.size() * sizeof(ExamplePose<Real>) +
+      (misfit_.size() + derivatives_.size()) * sizeof(ExampleGradient<Real>));
 }
 
 template class ExamplePass<float>;

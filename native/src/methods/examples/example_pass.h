@@ -32,21 +32,21 @@ class ExamplePass {
 
   /// Squared norm of the pose, Σ A_j ‖T_j − I‖² in the triangles' planes: its difference from rest,
   /// an area.
-  double size() const;
+  double squared_size() const;
 
   /// Stores the residual (T_j − I) − G_j(offsets) and returns its squared norm. offsets: all rows.
   double misfit(const Rows& offsets);
   /// The divergence of the residual, n×4, by row.
   Rows misfit_divergence(int row_count);
 
-  /// Allocates the derivatives. Must precede the first slope().
-  void make_room() { slopes_.resize(changes_.size()); }
+  /// Allocates the derivatives. Must precede the first derivative().
+  void allocate_derivatives() { derivatives_.resize(changes_.size()); }
   /// Stores the pose's derivative J_i by an example's weight and adds its divergence to rows.
-  void slope(int example, int section, double* rows);
+  void derivative(int example, int section, double* rows);
   /// Half the second and first derivatives of the squared norm of the residual by the weights.
-  /// followed: for each example L⁻¹ div J_i, all rows; its gradient is subtracted from the stored
-  /// J_i, which leaves Ĵ_i.
-  void second_order(const std::vector<Rows>& followed, Eigen::MatrixXd& hessian,
+  /// position_responses: for each example L⁻¹ div J_i, all rows; its gradient is subtracted from
+  /// the stored J_i, which leaves Ĵ_i.
+  void second_order(const std::vector<Rows>& position_responses, Eigen::MatrixXd& hessian,
                     Eigen::VectorXd& gradient);
 
   double bytes() const;
@@ -66,7 +66,7 @@ class ExamplePass {
   std::vector<ExampleChange<Real>> changes_;  // by block, then example
   std::vector<ExamplePose<Real>> pose_;
   std::vector<ExampleGradient<Real>> misfit_;
-  std::vector<ExampleGradient<Real>> slopes_;  // by block, then example
+  std::vector<ExampleGradient<Real>> derivatives_;  // by block, then example
 };
 
 }  // namespace dd

@@ -21,12 +21,12 @@ class ExamplePlaces {
   void place(const Eigen::VectorXd& weights, Rows& offsets) const;
 
  private:
-  struct Placed {
+  struct FloatingComponent {
     std::vector<int> rows;
     std::vector<double> areas;  // of each row's vertex, normalized to sum 1
     Positions shifts;           // c_i − c, a row for each example
   };
-  std::vector<Placed> components_;
+  std::vector<FloatingComponent> components_;
 };
 
 }  // namespace dd

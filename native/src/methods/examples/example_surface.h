@@ -4,24 +4,26 @@
 #include <utility>
 #include <vector>
 
-#include "methods/examples/example_turns.h"
+#include "methods/examples/example_logarithms.h"
 
 namespace dd {
 
 /// A surface with its examples and their rotations: S, or a coarse surface in its place.
 struct ExampleSurface {
-  /// its_surface must outlive this. its_examples: poses of its vertices, n×3 each.
-  ExampleSurface(const FactoredSurface& its_surface, std::vector<Positions> its_examples)
-      : surface(its_surface), examples(std::move(its_examples)), turns(surface, examples) {}
+  /// given_surface must outlive this. given_examples: poses of its vertices, n×3 each.
+  ExampleSurface(const FactoredSurface& given_surface, std::vector<Positions> given_examples)
+      : surface(given_surface),
+        examples(std::move(given_examples)),
+        logarithms(surface, examples) {}
 
   double bytes() const {
-    return turns.bytes() + static_cast<double>(examples.size() * sizeof(double)) *
-                               static_cast<double>(surface.mesh.positions.size());
+    return logarithms.bytes() + static_cast<double>(examples.size() * sizeof(double)) *
+                                    static_cast<double>(surface.mesh.positions.size());
   }
 
   const FactoredSurface& surface;
   std::vector<Positions> examples;
-  ExampleTurns turns;
+  ExampleLogarithms logarithms;
 };
 
 }  // namespace dd

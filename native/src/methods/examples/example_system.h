@@ -29,56 +29,71 @@ class ExampleSystem {
   const ExamplePass<Real>& pass() const { return *pass_; }
 
   /// Sets the displacements of the handles' vertices. offsets: all rows, in the surface's order.
-  void take_handles(const Rows& offsets);
+  void prescribe_handles(const Rows& offsets);
   /// These displacements, a row for each of Region::handle_vertices.
-  const Rows& told() const { return told_; }
+  const Rows& prescribed() const { return prescribed_; }
 
   /// Solves for the displacement; add as for PoissonSystem::solve(). Returns all rows, in the order
   /// of this system. Valid until the next solve.
   template <class Add>
   const Rows& solve(const Add& add) {
-    return solve(add, told_);
+    return solve(add, prescribed_);
   }
   /// The same with all handles at rest.
   template <class Add>
   const Rows& solve_at_rest(const Add& add) {
     return solve(add, at_rest_);
   }
-  /// The divergence of the pass's residual at the handles' vertices, rows as told().
+  /// The divergence of the pass's residual at the handles' vertices, rows as prescribed().
   Rows forces() const;
 
   /// Places components without constrained vertices (ExamplePlaces) and copies the solution to the
   /// rows of free and handle vertices of offsets, in the surface's order.
-  void give(const Eigen::VectorXd& weights, Rows& offsets);
+  void write_pose(const Eigen::VectorXd& weights, Rows& offsets);
 
   double bytes() const;
 
  private:
-  struct Placed {
-    std::vector<int> rows, told;  // of the handle's vertices: rows in own order, rows in told_
+  struct MeanHandle {
+    std::vector<int> rows;        // of the handle's vertices, in own order
+    std::vector<int> prescribed;  // the same vertices' rows in prescribed_
   };
-  void make_means();
-  void place_means(const Rows& told);
+  void find_mean_handles();
+  /// A component that only means hold is floating: L is singular there. Its translation is a
+  /// further unknown, with the equation that the forces on it sum to zero.
+  void find_floating_components();
+  /// The force of a mean on a vertex: the row of the right-hand side and the handle.
+  struct HandleForce {
+    int target, handle;
+  };
+  /// The forces of all means, by section. Each vertex' force is added once, by the first section
+  /// with an active triangle at the vertex.
+  std::vector<std::vector<HandleForce>> handle_forces() const;
+  void solve_for_responses();
+  void factor_mean_constraints();
+  void enforce_means(const Rows& prescribed);
   template <class Add>
-  const Rows& solve(const Add& add, const Rows& told) {
-    for (size_t i = 0; i < told_rows_.size(); ++i) offsets_.row(told_rows_[i]) = told.row(Index(i));
-    poisson_->solve(nothing_, add, offsets_);
-    if (!placed_.empty()) place_means(told);
+  const Rows& solve(const Add& add, const Rows& prescribed) {
+    for (size_t i = 0; i < prescribed_rows_.size(); ++i)
+      offsets_.row(prescribed_rows_[i]) = prescribed.row(Index(i));
+    poisson_->solve(zero_divergence_, add, offsets_);
+    if (!mean_handles_.empty()) enforce_means(prescribed);
     return offsets_;
   }
 
   const FactoredSurface& surface_;
   std::vector<HandleHold> hold_;
-  Region region_;  // of own_
-  std::unique_ptr<PoissonSystem> own_;
+  Region region_;  // of own_poisson_
+  std::unique_ptr<PoissonSystem> own_poisson_;
   PoissonSystem* poisson_;
   std::unique_ptr<ExamplePass<Real>> pass_;
   std::unique_ptr<ExamplePlaces> places_;
-  std::vector<int> told_rows_;  // row in own order of each of Region::handle_vertices
-  Rows told_, at_rest_, offsets_, nothing_;
-  std::vector<Placed> placed_;
-  RowMatrix responses_;  // columns: y_h with L y_h = a_h, then for each floating component 1 on it
-  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> means_;
+  std::vector<int> prescribed_rows_;  // row in own order of each of Region::handle_vertices
+  Rows prescribed_, at_rest_, offsets_, zero_divergence_;
+  std::vector<MeanHandle> mean_handles_;
+  // Columns: y_h with L y_h = a_h, then for each floating component 1 on it.
+  RowMatrix constraint_responses_;
+  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> mean_constraints_;
 };
 
 }  // namespace dd

@@ -14,22 +14,22 @@ namespace {
 
 // Number of free vertices from which weights are fitted on a coarse surface: with fewer the fit on
 // S is quick.
-constexpr int kFewest = 2000;
+constexpr int kMinFreeVerticesForCoarse = 2000;
 // Distance of the coarse surface's vertices, as a fraction of √(area of the active triangles).
 // Larger is faster, but resolves less of the examples.
-constexpr double kSpacing = 0.03;
+constexpr double kCoarseSpacing = 0.03;
 
 }  // namespace
 
 template <class Real>
 Examples<Real>::Examples(BoundSurface& bound)
     : bound_(bound),
-      stances_(bound),
-      fine_(bound, stances_.examples()),
+      joint_motions_(bound),
+      fine_(bound, joint_motions_.examples()),
       weights_(Eigen::VectorXd::Zero(Index(bound.examples.size()))),
       reconstruction_(bound) {
-  if (bound.region.free_count() < kFewest || bound.examples.empty()) return;
-  coarse_ = CoarseSurface::make(bound, kSpacing * bound.active_size);
+  if (bound.region.free_count() < kMinFreeVerticesForCoarse || bound.examples.empty()) return;
+  coarse_ = CoarseSurface::make(bound, kCoarseSpacing * bound.active_size);
   if (!coarse_) return;
   std::vector<Positions> examples;
   examples.reserve(fine_.examples.size());
@@ -40,7 +40,8 @@ Examples<Real>::Examples(BoundSurface& bound)
 
 template <class Real>
 void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
-  if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
+  if (options.example_weights)
+    return pose_by_given_weights(*options.example_weights, options, frame.offsets);
   const size_t limited = options.example_limits.size() / 2;
   if (limited != 0 && limited != bound_.examples.size())
     throw Error(Status::argument,
@@ -52,49 +53,49 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   for (size_t h = 0; h < frame.free.size(); ++h)
     if (frame.free[h]) hold[h] = HandleHold::mean;
   Rows& offsets = frame.offsets;
-  const Stance stance = stances_.of(offsets, frame.linear, frame.free);
-  replace(bound_.order().free_count, offsets,
-          [&](const Eigen::RowVector3d& place) { return stance.take_back(place); });
+  const JointRigidMotion joint_motion = joint_motions_.of(offsets, frame.linear, frame.free);
+  move_positions(bound_.order().free_count, offsets,
+                 [&](const Eigen::RowVector3d& position) { return joint_motion.undo(position); });
   const bool all_whole =
       std::all_of(hold.begin(), hold.end(), [](HandleHold h) { return h == HandleHold::whole; });
   // The coarse surface lacks some vertices of a handle, so their mean can't be prescribed there.
-  const bool coarsely = coarse_ && all_whole;
+  const bool use_coarse = coarse_ && all_whole;
   if (!fit_ || fit_->hold() != hold) {
     fit_ = nullptr;  // frees its memory first
-    fit_ = std::make_unique<ExampleFit<Real>>(coarsely ? *coarse_examples_ : fine_, hold);
+    fit_ = std::make_unique<ExampleFit<Real>>(use_coarse ? *coarse_examples_ : fine_, hold);
   }
-  if (coarsely) coarse_->restrict(offsets, coarse_offsets_);
-  weights_ = fit_->find(coarsely ? coarse_offsets_ : offsets, options.rotation_only,
+  if (use_coarse) coarse_->restrict(offsets, coarse_offsets_);
+  weights_ = fit_->find(use_coarse ? coarse_offsets_ : offsets, options.rotation_only,
                         options.example_stiffness, limits);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "No weights of the examples fit the handles: their motion is too large",
                 Remedy::move_less);
-  const bool beyond = options.refined.iterations > 0;
-  if (!coarsely)
-    fit_->system().give(weights_, offsets);
-  else if (!beyond || bound_.outside_base())
-    hold_pose(options, offsets);
-  if (beyond) go_beyond(options, offsets);
-  stand(stance, offsets);
+  const bool refines = options.refined.iterations > 0;
+  if (!use_coarse)
+    fit_->system().write_pose(weights_, offsets);
+  else if (!refines || bound_.outside_base())
+    pose_constrained(options, offsets);
+  if (refines) refine_towards_handles(options, offsets);
+  apply_joint_motion(joint_motion, offsets);
 }
 
 template <class Real>
-void Examples<Real>::hold_pose(const MethodOptions& options, Rows& offsets) {
-  if (!held_) held_ = std::make_unique<ExampleSystem<Real>>(fine_, fit_->hold());
-  held_->take_handles(offsets);
-  solve_for_pose(*held_, options.rotation_only);
-  held_->give(weights_, offsets);
+void Examples<Real>::pose_constrained(const MethodOptions& options, Rows& offsets) {
+  if (!constrained_) constrained_ = std::make_unique<ExampleSystem<Real>>(fine_, fit_->hold());
+  constrained_->prescribe_handles(offsets);
+  solve_for_pose(*constrained_, options.rotation_only);
+  constrained_->write_pose(weights_, offsets);
 }
 
 template <class Real>
-void Examples<Real>::let_go(bool rotation_only, Rows& offsets) {
-  if (!let_go_)
-    let_go_ = std::make_unique<ExampleSystem<Real>>(
+void Examples<Real>::pose_unconstrained(bool rotation_only, Rows& offsets) {
+  if (!unconstrained_)
+    unconstrained_ = std::make_unique<ExampleSystem<Real>>(
         fine_,
         std::vector<HandleHold>(static_cast<size_t>(bound_.region.handle_count), HandleHold::none));
-  solve_for_pose(*let_go_, rotation_only);
-  let_go_->give(weights_, offsets);
+  solve_for_pose(*unconstrained_, rotation_only);
+  unconstrained_->write_pose(weights_, offsets);
 }
 
 template <class Real>
@@ -105,20 +106,20 @@ void Examples<Real>::solve_for_pose(ExampleSystem<Real>& system, bool rotation_o
 }
 
 template <class Real>
-void Examples<Real>::go_beyond(const MethodOptions& options, Rows& offsets) {
+void Examples<Real>::refine_towards_handles(const MethodOptions& options, Rows& offsets) {
   Rows posed = Rows::Zero(offsets.rows(), 4);
-  let_go(options.rotation_only, posed);
+  pose_unconstrained(options.rotation_only, posed);
   if (!bound_.outside_base()) {
     if (!residual_) residual_ = std::make_unique<HandleResidual>(bound_);
-    residual_->spread(posed, offsets);
+    residual_->extend(posed, offsets);
   }
   reconstruction_.solve_from(posed, options.refined, offsets);
 }
 
 template <class Real>
 template <class Move>
-void Examples<Real>::replace(int first, Rows& offsets, const Move& move) const {
-  if (stances_.fixed()) return;
+void Examples<Real>::move_positions(int first, Rows& offsets, const Move& move) const {
+  if (joint_motions_.fixed()) return;
   for (int r = first; r < bound_.order().fixed_begin; ++r) {
     const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
     offsets.row(r).head<3>() = move(rest + offsets.row(r).head<3>()) - rest;
@@ -126,13 +127,14 @@ void Examples<Real>::replace(int first, Rows& offsets, const Move& move) const {
 }
 
 template <class Real>
-void Examples<Real>::stand(const Stance& stance, Rows& offsets) const {
-  replace(0, offsets, [&](const Eigen::RowVector3d& place) { return stance.put(place); });
+void Examples<Real>::apply_joint_motion(const JointRigidMotion& joint_motion, Rows& offsets) const {
+  move_positions(0, offsets,
+                 [&](const Eigen::RowVector3d& position) { return joint_motion.apply(position); });
 }
 
 template <class Real>
-void Examples<Real>::show(const std::vector<double>& weights, const MethodOptions& options,
-                          Rows& offsets) {
+void Examples<Real>::pose_by_given_weights(const std::vector<double>& weights,
+                                           const MethodOptions& options, Rows& offsets) {
   if (weights.size() != bound_.examples.size())
     throw Error(Status::argument,
                 "There are " + std::to_string(weights.size()) + " example weights, but " +
@@ -144,18 +146,18 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
       throw Error(Status::argument, {Subject::example, i}, "has a weight that is not finite",
                   Remedy::call);
   weights_ = given;
-  let_go(options.rotation_only, offsets);
-  // Stances are blended linearly, by rotation vectors and centres.
-  Stance stance;
-  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  pose_unconstrained(options.rotation_only, offsets);
+  // JointRigidMotions are blended linearly, by rotation vectors and centres.
+  JointRigidMotion joint_motion;
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   for (size_t i = 0; i < weights.size(); ++i) {
-    const Stance& of_example = stances_.of_examples()[i];
-    if (i == 0) stance.from = stance.to = of_example.from;
-    turn += weights[i] * rotation_vector(of_example.turn);
-    stance.to += weights[i] * (of_example.to - of_example.from);
+    const JointRigidMotion& of_example = joint_motions_.of_examples()[i];
+    if (i == 0) joint_motion.from = joint_motion.to = of_example.from;
+    rotation += weights[i] * rotation_vector(of_example.rotation);
+    joint_motion.to += weights[i] * (of_example.to - of_example.from);
   }
-  stance.turn = rotation_by(turn);
-  stand(stance, offsets);
+  joint_motion.rotation = rotation_by(rotation);
+  apply_joint_motion(joint_motion, offsets);
 }
 
 template <class Real>
@@ -172,10 +174,10 @@ MethodFindings Examples<Real>::findings() const {
 
 template <class Real>
 double Examples<Real>::bytes() const {
-  double bytes = fine_.bytes() + stances_.bytes() + reconstruction_.bytes() +
+  double bytes = fine_.bytes() + joint_motions_.bytes() + reconstruction_.bytes() +
                  (coarse_ ? coarse_->bytes() + coarse_examples_->bytes() : 0) +
                  (fit_ ? fit_->bytes() : 0);
-  for (const auto* system : {held_.get(), let_go_.get()})
+  for (const auto* system : {constrained_.get(), unconstrained_.get()})
     if (system) bytes += system->bytes();
   return bytes;
 }

@@ -5,7 +5,7 @@
 
 #include "methods/examples/example_fit.h"
 #include "methods/examples/handle_residual.h"
-#include "methods/examples/stance.h"
+#include "methods/examples/joint_rigid_motion.h"
 #include "methods/method.h"
 #include "reconstruction/coarse/coarse_surface.h"
 
@@ -25,9 +25,9 @@ std::unique_ptr<Method> make_examples(BoundSurface& bound);
 ///   E(w, p') = Σ_j A_j ‖G_j(p') − G_j(p) T_j(w)ᵀ‖² + s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴)
 ///
 /// (ExampleFit explains the second sum). If no fixed vertex is adjacent to a free one, all of it is
-/// relative to the joint rigid motion of the handles (Stances). With 2,000 free vertices or more
-/// and no free handle, the weights are fitted on a coarse surface if CoarseSurface::make() gives
-/// one.
+/// relative to the joint rigid motion of the handles (JointRigidMotions). With 2,000 free vertices
+/// or more and no free handle, the weights are fitted on a coarse surface if CoarseSurface::make()
+/// gives one.
 ///
 /// With Refined::iterations > 0 the handles' motion beyond the examples deforms the pose as detail
 /// transfer deforms S. q is the pose of w with all handle vertices free. HandleResidual extends the
@@ -54,28 +54,30 @@ class Examples : public Method {
 
  private:
   /// The pose of the given weights, without handles.
-  void show(const std::vector<double>& weights, const MethodOptions& options, Rows& offsets);
-  /// The pose of weights_ with the handles' vertices as constraints; with them free; and refined
-  /// towards the handles.
-  void hold_pose(const MethodOptions& options, Rows& offsets);
-  void let_go(bool rotation_only, Rows& offsets);
+  void pose_by_given_weights(const std::vector<double>& weights, const MethodOptions& options,
+                             Rows& offsets);
+  /// The pose of weights_ with the handles' vertices as constraints.
+  void pose_constrained(const MethodOptions& options, Rows& offsets);
+  /// The pose of weights_ with the handles' vertices free.
+  void pose_unconstrained(bool rotation_only, Rows& offsets);
   void solve_for_pose(ExampleSystem<Real>& system, bool rotation_only) const;
-  void go_beyond(const MethodOptions& options, Rows& offsets);
+  /// The pose of weights_, refined from that with the handles' vertices free to their motions.
+  void refine_towards_handles(const MethodOptions& options, Rows& offsets);
   /// Applies move to the positions of rows from first up to the fixed ones. No effect if
-  /// Stances::fixed().
+  /// JointRigidMotions::fixed().
   template <class Move>
-  void replace(int first, Rows& offsets, const Move& move) const;
-  /// Applies the stance to all rows but fixed ones.
-  void stand(const Stance& stance, Rows& offsets) const;
+  void move_positions(int first, Rows& offsets, const Move& move) const;
+  /// Applies the motion to all rows but fixed ones.
+  void apply_joint_motion(const JointRigidMotion& joint_motion, Rows& offsets) const;
 
   BoundSurface& bound_;
-  Stances stances_;
+  JointRigidMotions joint_motions_;
   ExampleSurface fine_;
   std::unique_ptr<CoarseSurface> coarse_;
   std::unique_ptr<ExampleSurface> coarse_examples_;
   Eigen::VectorXd weights_;  // of the last update, found or given
   std::unique_ptr<ExampleFit<Real>> fit_;
-  std::unique_ptr<ExampleSystem<Real>> held_, let_go_;  // on the fine surface
+  std::unique_ptr<ExampleSystem<Real>> constrained_, unconstrained_;  // on the fine surface
   std::unique_ptr<HandleResidual> residual_;
   Reconstruction reconstruction_;
   Rows coarse_offsets_;

@@ -17,17 +17,17 @@ HandleResidual::HandleResidual(const BoundSurface& bound)
       arms.row(Index(i)) << bound.rest.row(handle.rows[i]).head<3>() -
                                 bound.coordinates.centres().row(Index(h)),
           1;
-    handle.inverse = arms.completeOrthogonalDecomposition().pseudoInverse();
+    handle.pseudo_inverse = arms.completeOrthogonalDecomposition().pseudoInverse();
   }
 }
 
-void HandleResidual::spread(const Rows& posed, Rows& offsets) const {
+void HandleResidual::extend(const Rows& posed, Rows& offsets) const {
   RowMatrix coefficients = RowMatrix::Zero(4 * Index(handles_.size()), 4);
   for (size_t h = 0; h < handles_.size(); ++h)
     for (size_t i = 0; i < handles_[h].rows.size(); ++i) {
       const int r = handles_[h].rows[i];
       coefficients.middleRows<4>(4 * Index(h)) +=
-          handles_[h].inverse.col(Index(i)) * (offsets.row(r) - posed.row(r));
+          handles_[h].pseudo_inverse.col(Index(i)) * (offsets.row(r) - posed.row(r));
     }
   coefficients.col(3).setZero();
   const Rows handles = offsets.bottomRows(offsets.rows() - bound_.order().free_count);

@@ -17,12 +17,12 @@ class HandleResidual {
 
   /// posed: displacement of the pose, all rows in BoundSurface::order(). offsets: in: rows of the
   /// handles, out: the free rows, posed plus the extended difference.
-  void spread(const Rows& posed, Rows& offsets) const;
+  void extend(const Rows& posed, Rows& offsets) const;
 
  private:
   struct Handle {
-    std::vector<int> rows;    // of its vertices
-    Eigen::MatrixXd inverse;  // 4×n: pseudo-inverse of the matrix with the rows (x − o, 1)
+    std::vector<int> rows;           // of its vertices
+    Eigen::MatrixXd pseudo_inverse;  // 4×n: pseudo-inverse of the matrix with the rows (x − o, 1)
   };
   const BoundSurface& bound_;
   std::vector<Handle> handles_;

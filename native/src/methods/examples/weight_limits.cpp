@@ -10,63 +10,63 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 WeightLimits::WeightLimits(const std::vector<double>& pairs, Index count)
-    : least(VectorXd::Constant(count, -std::numeric_limits<double>::infinity())), most(-least) {
+    : lower(VectorXd::Constant(count, -std::numeric_limits<double>::infinity())), upper(-lower) {
   if (pairs.empty()) return;
   const Eigen::Map<const Eigen::Matrix<double, 2, Eigen::Dynamic>> given(pairs.data(), 2, count);
-  least = given.row(0);
-  most = given.row(1);
-  any = least.array().isFinite().any() || most.array().isFinite().any();
+  lower = given.row(0);
+  upper = given.row(1);
+  any = lower.array().isFinite().any() || upper.array().isFinite().any();
 }
 
-VectorXd limited_step(const Eigen::MatrixXd& H, const VectorXd& s, const VectorXd& least,
-                      const VectorXd& most) {
+VectorXd limited_step(const Eigen::MatrixXd& H, const VectorXd& s, const VectorXd& lower,
+                      const VectorXd& upper) {
   const Index count = s.size();
   VectorXd x = VectorXd::Zero(count);
   // The active set: −1 at the lower limit, 1 at the upper one, 0 inactive.
-  std::vector<int> kept(static_cast<size_t>(count), 0);
-  const auto keep = [&](Index i, int side) {
-    kept[static_cast<size_t>(i)] = side;
-    x[i] = side < 0 ? least[i] : most[i];
+  std::vector<int> active_side(static_cast<size_t>(count), 0);
+  const auto activate = [&](Index i, int side) {
+    active_side[static_cast<size_t>(i)] = side;
+    x[i] = side < 0 ? lower[i] : upper[i];
   };
   // Each round lowers the objective or adds a limit to the active set. The bound on rounds only
   // ends cycling by rounding.
   for (Index round = 0; round < 10 * count + 10; ++round) {
-    std::vector<Index> open;
+    std::vector<Index> inactive;
     for (Index i = 0; i < count; ++i)
-      if (kept[static_cast<size_t>(i)] == 0) open.push_back(i);
-    const VectorXd slope = H * x + s;
-    VectorXd way = VectorXd::Zero(count);
-    if (!open.empty()) {
-      const Eigen::MatrixXd of_open = H(open, open);
-      const VectorXd pull = -slope(open);
-      way(open) = VectorXd(of_open.llt().solve(pull));
+      if (active_side[static_cast<size_t>(i)] == 0) inactive.push_back(i);
+    const VectorXd gradient = H * x + s;
+    VectorXd step = VectorXd::Zero(count);
+    if (!inactive.empty()) {
+      const Eigen::MatrixXd inactive_block = H(inactive, inactive);
+      const VectorXd descent = -gradient(inactive);
+      step(inactive) = VectorXd(inactive_block.llt().solve(descent));
     }
-    double part = 1;
-    Index first = -1;
-    for (const Index i : open) {
-      const double room = way[i] < 0 ? least[i] - x[i] : most[i] - x[i];
-      if (std::abs(way[i]) * part > std::abs(room)) {
-        part = room / way[i];
-        first = i;
+    double step_fraction = 1;
+    Index first_limit = -1;
+    for (const Index i : inactive) {
+      const double room = step[i] < 0 ? lower[i] - x[i] : upper[i] - x[i];
+      if (std::abs(step[i]) * step_fraction > std::abs(room)) {
+        step_fraction = room / step[i];
+        first_limit = i;
       }
     }
-    x += part * way;
-    if (first >= 0) {
-      keep(first, way[first] < 0 ? -1 : 1);
+    x += step_fraction * step;
+    if (first_limit >= 0) {
+      activate(first_limit, step[first_limit] < 0 ? -1 : 1);
       continue;
     }
-    const VectorXd there = H * x + s;
-    double strongest = 1e-12 * (s.cwiseAbs().maxCoeff() + there.cwiseAbs().maxCoeff());
-    Index leaves = -1;
+    const VectorXd new_gradient = H * x + s;
+    double strongest = 1e-12 * (s.cwiseAbs().maxCoeff() + new_gradient.cwiseAbs().maxCoeff());
+    Index released = -1;
     for (Index i = 0; i < count; ++i) {
-      const double pull = there[i] * kept[static_cast<size_t>(i)];
-      if (pull > strongest && least[i] < most[i]) {
-        strongest = pull;
-        leaves = i;
+      const double multiplier = new_gradient[i] * active_side[static_cast<size_t>(i)];
+      if (multiplier > strongest && lower[i] < upper[i]) {
+        strongest = multiplier;
+        released = i;
       }
     }
-    if (leaves < 0) break;
-    kept[static_cast<size_t>(leaves)] = 0;
+    if (released < 0) break;
+    active_side[static_cast<size_t>(released)] = 0;
   }
   return x;
 }

@@ -12,10 +12,10 @@ struct WeightLimits {
   WeightLimits(const std::vector<double>& pairs, Eigen::Index count);
 
   Eigen::VectorXd within(const Eigen::VectorXd& weights) const {
-    return weights.cwiseMax(least).cwiseMin(most);
+    return weights.cwiseMax(lower).cwiseMin(upper);
   }
 
-  Eigen::VectorXd least, most;
+  Eigen::VectorXd lower, upper;
   bool any = false;
 };
 
@@ -23,6 +23,6 @@ struct WeightLimits {
 /// which must be feasible. H must be positive definite, so x is unique and continuous in all
 /// inputs.
 Eigen::VectorXd limited_step(const Eigen::MatrixXd& H, const Eigen::VectorXd& s,
-                             const Eigen::VectorXd& least, const Eigen::VectorXd& most);
+                             const Eigen::VectorXd& lower, const Eigen::VectorXd& upper);
 
 }  // namespace dd

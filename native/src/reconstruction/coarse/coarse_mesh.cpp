@@ -14,16 +14,17 @@ namespace {
 
 // Increase of the merge radius per distance from the nearest constrained vertex. Lower values grade
 // the coarse mesh more gently and keep more vertices.
-constexpr double kGrowth = 0.5;
+constexpr double kRadiusGrowth = 0.5;
 
 /// The merge radius of each vertex, see contract().
 std::vector<double> radii_of(const Mesh& part, const Region& region, double spacing) {
   const auto n = static_cast<size_t>(part.vertex_count());
   std::vector<char> constrained(n, 0);
   for (int v : part.triangles.reshaped()) constrained[v] = region.role[v] != kFree;
-  const std::vector<double> distance = geodesic_distances(part, constrained, spacing / kGrowth);
+  const std::vector<double> distance =
+      geodesic_distances(part, constrained, spacing / kRadiusGrowth);
   std::vector<double> radii(n, 0);
-  for (int v : region.free) radii[v] = std::min(spacing, kGrowth * distance[v]);
+  for (int v : region.free) radii[v] = std::min(spacing, kRadiusGrowth * distance[v]);
   // Triangles with a constrained corner are kept.
   for (int j = 0; j < part.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
@@ -68,32 +69,32 @@ CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double spacing) {
   }
 }
 
-PointOnTriangle point_near(const Mesh& mesh, const Fans& fans, const Eigen::RowVector3d& point,
-                           int vertex) {
+PointOnTriangle point_near(const Mesh& mesh, const VertexTriangles& fans,
+                           const Eigen::RowVector3d& point, int vertex) {
   // One-rings that are searched, the first of them around the given vertex.
-  constexpr int kSteps = 3;
+  constexpr int kMostRings = 3;
   PointOnTriangle best;
   double least = -1e8;
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < kMostRings; ++step) {
     const double before = least;
     for (int j : fans.of(vertex)) {
       const Eigen::Vector3d weights = weights_in(mesh, j, point);
       if (weights.minCoeff() <= least) continue;
       least = weights.minCoeff();
       best.triangle = j;
-      best.weights = weights;
+      best.barycentric = weights;
     }
     if (least >= 0 || least == before) break;
     int corner = 0;
-    best.weights.maxCoeff(&corner);
+    best.barycentric.maxCoeff(&corner);
     if (mesh.triangles(best.triangle, corner) == vertex) break;
     vertex = mesh.triangles(best.triangle, corner);
   }
   if (best.triangle < 0) return best;
-  best.weights = best.weights.cwiseMax(0);
-  best.weights /= best.weights.sum();
-  best.place = place_of(best, mesh.positions, mesh.triangles).transpose();
-  best.squared_distance = (point.transpose() - best.place).squaredNorm();
+  best.barycentric = best.barycentric.cwiseMax(0);
+  best.barycentric /= best.barycentric.sum();
+  best.position = position_of(best, mesh.positions, mesh.triangles).transpose();
+  best.squared_distance = (point.transpose() - best.position).squaredNorm();
   return best;
 }
 

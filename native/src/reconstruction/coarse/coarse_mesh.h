@@ -31,7 +31,7 @@ struct CoarseMesh {
 /// and around up to two corners nearer to the point. Takes the one that contains the projection of
 /// the point or misses it least, with weights clamped to it. triangle is -1 where all of these have
 /// no area. fans: the mesh's.
-PointOnTriangle point_near(const Mesh& mesh, const Fans& fans, const Eigen::RowVector3d& point,
-                           int vertex);
+PointOnTriangle point_near(const Mesh& mesh, const VertexTriangles& fans,
+                           const Eigen::RowVector3d& point, int vertex);
 
 }  // namespace dd

@@ -7,22 +7,22 @@
 #include <vector>
 
 #include "reconstruction/coarse/coarse_surface.h"
+#include "reconstruction/rotated_flux.h"
+#include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
-#include "reconstruction/turn_pass.h"
-#include "reconstruction/turned_flux.h"
 
 namespace dd {
 
 namespace {
 
 // Free vertices, below which refinement on the surface itself is fast enough.
-constexpr int kFewest = 10000;
+constexpr int kMinFreeVertices = 10000;
 // Spacing of coarse vertices as a fraction of the smoothing length: a field that smooth needs no
 // more of them.
-constexpr double kSpacing = 0.9;
+constexpr double kSpacingOfLength = 0.9;
 /// Upper bound of the spacing as a fraction of FactoredSurface::active_size. Safety: the coarse
 /// surface keeps the shape of the surface however long the smoothing length is.
-constexpr double kWidest = 0.01;
+constexpr double kMaxSpacing = 0.01;
 
 /// Masses for the smoothing on the coarse surface. Interpolation between coarse vertices smooths as
 /// well, over a length² of about 1/5 of the area per vertex. So the squared smoothing length is
@@ -54,13 +54,13 @@ class CoarseRefinementOf : public CoarseRefinement {
         refinement_(
             make_refinement(surface_->surface(), length, masses_on(*surface_, surface, length))),
         pass_(surface, surface.mesh.positions, [&](int v) {
-          return surface.poisson->active_place(surface.order().row_of_vertex[v]);
+          return surface.poisson->active_index(surface.order().row_of_vertex[v]);
         }) {
     typename RotationMeans<Real>::Terms terms;
-    for (const CoarseSurface::Share& share : surface_->shares(surface)) {
+    for (const CoarseSurface::Stencil& stencil : surface_->stencils(surface)) {
       terms.clear();
       for (int k = 0; k < 3; ++k)
-        if (share.weight[k] > 0) terms.emplace_back(share.place[k], share.weight[k]);
+        if (stencil.weight[k] > 0) terms.emplace_back(stencil.active_index[k], stencil.weight[k]);
       spread_.append(terms);
     }
     spread_.close();
@@ -86,12 +86,12 @@ class CoarseRefinementOf : public CoarseRefinement {
       surface_->restrict(*turning.gauge, gauge_);
       here.gauge = &gauge_;
     }
-    if (turning.known_share > 0) {
-      surface_->restrict(*turning.known_rotations, known_rotations_);
-      if (!known_)
-        known_ = std::make_unique<TurnedFlux>(surface_->surface(),
-                                              surface_->surface().mesh.positions, known_rotations_);
-      here.known = known_.get();
+    if (turning.prescribed_weight > 0) {
+      surface_->restrict(*turning.prescribed_rotations, prescribed_rotations_);
+      if (!prescribed_)
+        prescribed_ = std::make_unique<RotatedFlux>(
+            surface_->surface(), surface_->surface().mesh.positions, prescribed_rotations_);
+      here.prescribed = prescribed_.get();
     }
     find_from(iterations, {posed_, pose.linear}, here);
   }
@@ -104,10 +104,10 @@ class CoarseRefinementOf : public CoarseRefinement {
   int vertex_count() const override { return surface_->surface().mesh.vertex_count(); }
   double bytes() const override {
     const auto doubles = base_.size() + posed_.size() + offsets_.size() + gauge_.size() +
-                         known_rotations_.size() +
+                         prescribed_rotations_.size() +
                          Index(rests_.size()) * 4 * fine_.poisson->right_hand_side_rows();
     return surface_->bytes() + gradients_->bytes() + refinement_->bytes() + pass_.bytes() +
-           spread_.bytes() + (known_ ? known_->bytes() : 0) +
+           spread_.bytes() + (prescribed_ ? prescribed_->bytes() : 0) +
            static_cast<double>((given_.size() + rotations_.size()) * sizeof(Real)) +
            static_cast<double>(doubles) * sizeof(double);
   }
@@ -136,23 +136,23 @@ class CoarseRefinementOf : public CoarseRefinement {
   Positions base_;  // B at rest, of the coarse surface
   std::unique_ptr<BaseGradients> gradients_;
   std::unique_ptr<Refinement> refinement_;
-  TurnPass<Real> pass_;         // on the fine surface
+  RotatedFluxPass<Real> pass_;  // on the fine surface
   RotationMeans<Real> spread_;  // interpolation from the coarse active vertices to the fine ones
   std::vector<Real> given_, rotations_;
   std::map<double, Rows> rests_;   // right-hand sides at rest, by last_smoothing()
   const Rows* at_rest_ = nullptr;  // one of rests_
   // Of the current pose, rows in the coarse surface's order.
-  Rows posed_, offsets_, gauge_, known_rotations_;
-  std::unique_ptr<TurnedFlux> known_;
+  Rows posed_, offsets_, gauge_, prescribed_rotations_;
+  std::unique_ptr<RotatedFlux> prescribed_;
 };
 
 }  // namespace
 
 std::unique_ptr<CoarseRefinement> CoarseRefinement::make(FactoredSurface& surface,
                                                          const Positions& base, double length) {
-  if (surface.region.free_count() < kFewest) return nullptr;
-  std::unique_ptr<CoarseSurface> coarse =
-      CoarseSurface::make(surface, std::min(kSpacing * length, kWidest * surface.active_size));
+  if (surface.region.free_count() < kMinFreeVertices) return nullptr;
+  std::unique_ptr<CoarseSurface> coarse = CoarseSurface::make(
+      surface, std::min(kSpacingOfLength * length, kMaxSpacing * surface.active_size));
   if (!coarse) return nullptr;
   if (surface.poisson->precision() == Precision::single)
     return std::make_unique<CoarseRefinementOf<float>>(surface, base, std::move(coarse), length);

@@ -13,7 +13,7 @@ namespace {
 
 // Largest fraction of the free vertices that may remain. Break-even: with more, the coarse surface
 // saves too little.
-constexpr double kMostLeft = 0.6;
+constexpr double kMaxCoarseFraction = 0.6;
 
 /// The mesh's own faces with an active vertex.
 Mesh active_part(const FactoredSurface& fine) {
@@ -30,10 +30,10 @@ std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, 
   const Region& region = fine.region;
   const Mesh part = active_part(fine);
   CoarseMesh made(part, region, spacing);
-  if (made.free_count > kMostLeft * region.free_count()) return nullptr;
+  if (made.free_count > kMaxCoarseFraction * region.free_count()) return nullptr;
 
   std::unique_ptr<CoarseSurface> coarse(new CoarseSurface);
-  coarse->region_ = region_of(std::move(made.roles), region.handle_count);
+  coarse->region_ = region_of_roles(std::move(made.roles), region.handle_count);
   for (int v : region.grounds) coarse->region_.grounds.push_back(made.of_vertex[v]);
   coarse->surface_ = std::make_unique<FactoredSurface>(std::move(made.mesh), coarse->region_,
                                                        Triangulation::delaunay);
@@ -59,46 +59,47 @@ void CoarseSurface::restrict(const Rows& fine, Rows& coarse) const {
     coarse.row(static_cast<Index>(r)) = fine.row(fine_row_[r]);
 }
 
-std::vector<CoarseSurface::Share> CoarseSurface::shares(const FactoredSurface& fine) const {
+std::vector<CoarseSurface::Stencil> CoarseSurface::stencils(const FactoredSurface& fine) const {
   const Triangles& t = surface_->mesh.triangles;
-  const Fans fans(t, surface_->mesh.vertex_count());
+  const VertexTriangles fans(t, surface_->mesh.vertex_count());
   // The active index of a vertex; -1: it is in no active triangle.
-  const auto place = [&](int vertex) {
+  const auto active_index = [&](int vertex) {
     const int row = surface_->order().row_of_vertex[vertex];
     const std::vector<int>& rims = surface_->poisson->rims();
     const bool active =
         row < surface_->order().free_count || std::binary_search(rims.begin(), rims.end(), row);
-    return active ? surface_->poisson->active_place(row) : -1;
+    return active ? surface_->poisson->active_index(row) : -1;
   };
   // The active vertex nearest to a vertex along edges, by breadth-first search.
-  const auto near_with_place = [&](int vertex) {
+  const auto nearest_active = [&](int vertex) {
     std::vector<int> front{vertex};
     std::vector<char> reached(static_cast<size_t>(surface_->mesh.vertex_count()), 0);
     for (size_t i = 0; i < front.size(); ++i) {
-      if (place(front[i]) >= 0) return front[i];
+      if (active_index(front[i]) >= 0) return front[i];
       for (int j : fans.of(front[i]))
         for (int k = 0; k < 3; ++k)
           if (!std::exchange(reached[t(j, k)], 1)) front.push_back(t(j, k));
     }
     return vertex;
   };
-  std::vector<Share> shares;
+  std::vector<Stencil> stencils;
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i) {
     const int v = fine.poisson->active_vertex(i);
     const int near = of_vertex_[v];
     PointOnTriangle at;
     if (vertex_[near] != v) at = point_near(surface_->mesh, fans, fine.mesh.positions.row(v), near);
-    if (at.triangle < 0) at.weights = {1, 0, 0};
-    Share share;
+    if (at.triangle < 0) at.barycentric = {1, 0, 0};
+    Stencil stencil;
     for (int k = 0; k < 3; ++k) {
       const int corner = at.triangle < 0 ? near : t(at.triangle, k);
-      share.place[k] = place(corner);
-      if (share.place[k] < 0) share.place[k] = std::max(0, place(near_with_place(corner)));
-      share.weight[k] = at.weights[k];
+      stencil.active_index[k] = active_index(corner);
+      if (stencil.active_index[k] < 0)
+        stencil.active_index[k] = std::max(0, active_index(nearest_active(corner)));
+      stencil.weight[k] = at.barycentric[k];
     }
-    shares.push_back(share);
+    stencils.push_back(stencil);
   }
-  return shares;
+  return stencils;
 }
 
 double CoarseSurface::bytes() const {

@@ -28,11 +28,11 @@ class CoarseSurface {
 
   /// Interpolation of a value at an active vertex of the fine surface: three active indices of the
   /// coarse surface with barycentric weights, some of which may be 0.
-  struct Share {
-    std::array<int, 3> place;
+  struct Stencil {
+    std::array<int, 3> active_index;
     std::array<double, 3> weight;
   };
-  std::vector<Share> shares(const FactoredSurface& fine) const;
+  std::vector<Stencil> stencils(const FactoredSurface& fine) const;
 
   double bytes() const;
 

@@ -10,15 +10,15 @@ namespace dd {
 /// Computes div(R_jᵀ) of (14) from rotations of vertices, block by block; R_j is the mean of the
 /// triangle's corners.
 template <class Real>
-class TurnPass {
+class RotatedFluxPass {
  public:
   /// of: n×3, the positions whose gradients are rotated. corner_of(vertex): its row of the
   /// quaternions.
   template <class CornerOf>
-  TurnPass(const FactoredSurface& surface, const Positions& of, const CornerOf& corner_of)
+  RotatedFluxPass(const FactoredSurface& surface, const Positions& of, const CornerOf& corner_of)
       : surface_(surface),
         layout_(surface.poisson->active()),
-        blocks_(turn_blocks<Real>(surface, layout_, of, corner_of)) {}
+        blocks_(rotated_flux_blocks<Real>(surface, layout_, of, corner_of)) {}
 
   /// Replaces the positions whose gradients are rotated: rows in the surface's order.
   void take(const Rows& positions) {
@@ -31,8 +31,8 @@ class TurnPass {
   /// As the add of PoissonSystem::solve(). quaternions: rows of 4.
   void add(const Real* quaternions, int section, double* rows) const {
     const int begin = layout_.begin[section];
-    kernels().of<Real>().turn_pass(layout_.begin[section + 1] - begin, blocks_.data() + begin,
-                                   quaternions, rows);
+    kernels().of<Real>().rotated_flux_pass(layout_.begin[section + 1] - begin,
+                                           blocks_.data() + begin, quaternions, rows);
   }
 
   /// The sum of add() over all sections.
@@ -43,12 +43,14 @@ class TurnPass {
     return rows;
   }
 
-  double bytes() const { return static_cast<double>(blocks_.size() * sizeof(TurnBlock<Real>)); }
+  double bytes() const {
+    return static_cast<double>(blocks_.size() * sizeof(RotatedFluxBlock<Real>));
+  }
 
  private:
   const FactoredSurface& surface_;
   ActiveBlocks layout_;
-  std::vector<TurnBlock<Real>> blocks_;
+  std::vector<RotatedFluxBlock<Real>> blocks_;
 };
 
 }  // namespace dd

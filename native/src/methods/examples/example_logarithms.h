@@ -22,19 +22,20 @@ namespace dd {
 /// From 180° on the logarithm is ill-conditioned: near 360° a small tilt of the rotation, as from
 /// shear, flips its axis. There only the twist about the neighbour's axis is taken, and the swing
 /// is dropped if it is less than half a radian.
-class ExampleTurns {
+class ExampleLogarithms {
  public:
   /// For the triangles with a corner that isn't fixed. examples: n×3 each.
-  ExampleTurns(const FactoredSurface& surface, const std::vector<Positions>& examples);
+  ExampleLogarithms(const FactoredSurface& surface, const std::vector<Positions>& examples);
 
   Eigen::Vector3d at(int example, int triangle) const {
-    return turns_[example].row(place_[triangle]).transpose();
+    return logarithms_[example].row(row_of_triangle_[triangle]).transpose();
   }
   double bytes() const;
 
  private:
-  std::vector<int> place_;        // row in turns_ of each triangle; -1: all corners are fixed
-  std::vector<Positions> turns_;  // r_ij, for each example
+  std::vector<int>
+      row_of_triangle_;  // row in logarithms_ of each triangle; -1: all corners are fixed
+  std::vector<Positions> logarithms_;  // r_ij, for each example
 };
 
 }  // namespace dd

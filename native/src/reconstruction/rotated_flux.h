@@ -2,16 +2,16 @@
 #pragma once
 
 #include "reconstruction/gradient_source.h"
-#include "reconstruction/turn_pass.h"
+#include "reconstruction/rotated_flux_pass.h"
 
 namespace dd {
 
 /// Gradients of S, or of its base at rest, rotated by a field of rotations, as a source for (14).
-class TurnedFlux : public GradientSource {
+class RotatedFlux : public GradientSource {
  public:
   /// of: n×3, the positions. rotations: quaternions in the surface's order; must outlive this, and
   /// may change between solves.
-  TurnedFlux(const FactoredSurface& surface, const Positions& of, const Rows& rotations);
+  RotatedFlux(const FactoredSurface& surface, const Positions& of, const Rows& rotations);
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);
   }
@@ -22,7 +22,7 @@ class TurnedFlux : public GradientSource {
  private:
   const FactoredSurface& surface_;
   const Rows& rotations_;
-  TurnPass<double> pass_;
+  RotatedFluxPass<double> pass_;
   Rows at_rest_;
 };
 

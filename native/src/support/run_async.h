@@ -10,7 +10,7 @@ namespace dd {
 /// starts no thread, the work is deferred to the caller of get(). threads: how many may work at
 /// once; 0: as many as the machine has.
 template <class Work>
-auto beside(int threads, const Work& work) {
+auto run_async(int threads, const Work& work) {
   if (threads != 1) {
     try {
       return std::async(std::launch::async, work);

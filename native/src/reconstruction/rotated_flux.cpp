@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "reconstruction/turned_flux.h"
+#include "reconstruction/rotated_flux.h"
 
 #include <Eigen/Geometry>
 
 namespace dd {
 
-TurnedFlux::TurnedFlux(const FactoredSurface& surface, const Positions& of, const Rows& rotations)
+RotatedFlux::RotatedFlux(const FactoredSurface& surface, const Positions& of, const Rows& rotations)
     : surface_(surface),
       rotations_(rotations),
       pass_(surface, of, [&](int v) { return surface.order().row_of_vertex[v]; }) {
@@ -14,7 +14,7 @@ TurnedFlux::TurnedFlux(const FactoredSurface& surface, const Positions& of, cons
   at_rest_ = pass_.all(still.data());
 }
 
-Eigen::Matrix3d TurnedFlux::at(int triangle) const {
+Eigen::Matrix3d RotatedFlux::at(int triangle) const {
   Eigen::Vector4d sum = Eigen::Vector4d::Zero();
   for (int k = 0; k < 3; ++k) {
     const int row = surface_.order().row_of_vertex[surface_.mesh.triangles(triangle, k)];
@@ -23,7 +23,7 @@ Eigen::Matrix3d TurnedFlux::at(int triangle) const {
   return Eigen::Quaterniond(sum).normalized().toRotationMatrix();
 }
 
-double TurnedFlux::bytes() const {
+double RotatedFlux::bytes() const {
   return pass_.bytes() + static_cast<double>(at_rest_.size() * Index(sizeof(double)));
 }
 

@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "base/reduced_energy.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <functional>
+#include <limits>
+#include <queue>
+#include <utility>
+
+#include "support/rotations.h"
+
+namespace dd {
+
+namespace {
+
+// Clusters of the free surface, each with one rotation R_k: more approximate the full energy
+// better, and make each step longer.
+constexpr int kMaxClusters = 64;
+constexpr int kMaxLocalGlobalSteps = 60;
+// A global step goes this far beyond its minimizer, which takes fewer steps.
+constexpr double kOverRelaxation = 1.5;
+// Largest change of an entry of a linear part, which has no unit, in the last step.
+constexpr double kMaxConvergedChange = 1e-5;
+// Regularization, as a fraction of the stiffness matrix' largest diagonal entry: without it the
+// matrix may be singular for a handle whose vertices lie in a plane, on a line or in one point.
+constexpr double kRegularization = 1e-9;
+
+/// The free vertex closest to the mean of all free ones, or −1 if none is free.
+int most_central(const Positions& positions, const std::vector<char>& is_free) {
+  Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
+  for (size_t v = 0; v < is_free.size(); ++v)
+    if (is_free[v]) middle += positions.row(Index(v));
+  middle /= static_cast<double>(std::max<Index>(1, std::count(is_free.begin(), is_free.end(), 1)));
+  int found = -1;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (size_t v = 0; v < is_free.size(); ++v) {
+    const double distance = (positions.row(Index(v)) - middle).squaredNorm();
+    if (!is_free[v] || !(distance < nearest)) continue;
+    nearest = distance;
+    found = static_cast<int>(v);
+  }
+  return found;
+}
+
+/// Farthest-point clustering of the free vertices by shortest paths along edges (Dijkstra). The
+/// first centre is the most central vertex, so that the result doesn't depend on the vertex order.
+/// Returns each vertex' cluster, −1 for vertices that aren't free or that no centre reaches.
+std::vector<int> farthest_point_clusters(const SparseMatrix& laplacian, const Positions& positions,
+                                         const std::vector<char>& is_free, int wanted) {
+  const size_t n = is_free.size();
+  std::vector<double> distance(n, std::numeric_limits<double>::infinity());
+  std::vector<int> cluster(n, -1);
+  using Front = std::pair<double, int>;
+  std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
+  for (int index = 0; index < wanted; ++index) {
+    int centre = index == 0 ? most_central(positions, is_free) : -1;
+    for (size_t v = 0; v < n && index > 0; ++v)
+      if (is_free[v] && (centre < 0 || distance[v] > distance[centre]))
+        centre = static_cast<int>(v);
+    if (centre < 0 || distance[centre] == 0) break;
+    front.emplace(0, centre);
+    distance[centre] = 0;
+    cluster[centre] = index;
+    while (!front.empty()) {
+      const auto [so_far, v] = front.top();
+      front.pop();
+      if (so_far > distance[v]) continue;
+      for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it) {
+        const Index next = it.row();
+        const double there = so_far + (positions.row(next) - positions.row(v)).norm();
+        if (!is_free[next] || !(there < distance[next])) continue;
+        distance[next] = there;
+        cluster[next] = index;
+        front.emplace(there, static_cast<int>(next));
+      }
+    }
+  }
+  return cluster;
+}
+
+}  // namespace
+
+ReducedEnergy::ReducedEnergy(const BoundSurface& bound, std::vector<char> free)
+    : bound_(bound), free_(std::move(free)) {
+  for (size_t h = 0; h < free_.size(); ++h)
+    if (free_[h]) free_handles_.push_back(static_cast<int>(h));
+  const std::vector<int> cluster = cluster_triangles();
+  RowMatrix space;
+  const RowMatrix& basis_functions = bound.extension.basis_functions(space);
+  gather_covariances(cluster, basis_functions);
+  if (!bound.outside_base()) gather_energy_rows(basis_functions);
+}
+
+std::vector<int> ReducedEnergy::cluster_triangles() {
+  const Mesh& mesh = bound_.mesh;
+  const Triangles& t = bound_.operators.triangles;
+  const Region& region = bound_.region;
+  std::vector<int> own(free_.size(), -1);
+  for (size_t i = 0; i < free_handles_.size(); ++i) own[free_handles_[i]] = static_cast<int>(i);
+  std::vector<char> is_free(size_t(mesh.vertex_count()), 0);
+  for (int v = 0; v < mesh.vertex_count(); ++v) is_free[v] = region.role[v] == kFree;
+  std::vector<int> vertex_cluster;
+  if (!bound_.outside_base())
+    vertex_cluster =
+        farthest_point_clusters(bound_.operators.laplacian, mesh.positions, is_free, kMaxClusters);
+  cluster_count_ = static_cast<int>(free_handles_.size());
+  std::vector<int> cluster(size_t(mesh.triangle_count()), -1);
+  for (int j = 0; j < mesh.triangle_count(); ++j) {
+    int found = -1;
+    for (int k = 0; k < 3; ++k) {
+      const int v = t(j, k), role = region.role[v];
+      if (role >= 0 && own[role] >= 0) {
+        found = own[role];
+        break;
+      }
+      if (found < 0 && !vertex_cluster.empty() && vertex_cluster[v] >= 0)
+        found = static_cast<int>(free_handles_.size()) + vertex_cluster[v];
+    }
+    cluster[j] = found;
+    cluster_count_ = std::max(cluster_count_, found + 1);
+  }
+  return cluster;
+}
+
+void ReducedEnergy::gather_covariances(const std::vector<int>& cluster,
+                                       const RowMatrix& basis_functions) {
+  const Mesh& mesh = bound_.mesh;
+  const Triangles& t = bound_.operators.triangles;
+  const Region& region = bound_.region;
+  const RowOrder& order = bound_.order();
+  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, t);
+  std::vector<std::vector<int>> triangles(static_cast<size_t>(cluster_count_));
+  for (size_t j = 0; j < cluster.size(); ++j)
+    if (cluster[j] >= 0) triangles[cluster[j]].push_back(static_cast<int>(j));
+
+  const HandleCoordinates& coordinates = bound_.coordinates;
+  const Index columns = coordinates.count();
+  rest_covariance_ = RowMatrix::Zero(3 * Index(cluster_count_), 3);
+  if (!bound_.outside_base())
+    covariance_basis_ = RowMatrix::Zero(3 * Index(cluster_count_), columns);
+  Positions sums = Positions::Zero(mesh.vertex_count(), 3);
+  for (int k = 0; k < cluster_count_; ++k) {
+    std::vector<int> touched;
+    for (int j : triangles[k])
+      for (int c = 0; c < 3; ++c) {
+        sums.row(t(j, c)) += flux.row(3 * Index(j) + c);
+        touched.push_back(t(j, c));
+      }
+    std::sort(touched.begin(), touched.end());
+    touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+    std::vector<Corner> corners;
+    for (int v : touched) {
+      const Eigen::Vector3d corner_flux = sums.row(v);
+      const int row = order.row_of_vertex[v], role = region.role[v];
+      rest_covariance_.middleRows<3>(3 * Index(k)) += corner_flux * bound_.base.row(v);
+      if (k < static_cast<int>(free_handles_.size())) corners.push_back({row, corner_flux});
+      sums.row(v).setZero();
+      if (bound_.outside_base()) continue;
+      if (row < order.free_count)
+        covariance_basis_.middleRows<3>(3 * Index(k)) += corner_flux * basis_functions.row(row);
+      else if (role >= 0)
+        covariance_basis_.block(3 * Index(k), coordinates.begin(role), 3,
+                                coordinates.count(role)) +=
+            corner_flux * coordinates.at(mesh.positions.row(v), role);
+    }
+    if (k < static_cast<int>(free_handles_.size())) cluster_corners_.push_back(std::move(corners));
+  }
+}
+
+void ReducedEnergy::gather_energy_rows(const RowMatrix& basis_functions) {
+  const Mesh& mesh = bound_.mesh;
+  const Region& region = bound_.region;
+  const RowOrder& order = bound_.order();
+  const HandleCoordinates& coordinates = bound_.coordinates;
+  const Index columns = coordinates.count();
+  // Accumulated over blocks of vertices, by a dense product for each: more vertices take more
+  // memory.
+  constexpr int kVerticesPerProduct = 64;
+  std::vector<Index> own, own_begin(free_.size(), -1);
+  for (int h : free_handles_) {
+    own_begin[size_t(h)] = Index(own.size());
+    for (int k = 0; k < coordinates.count(h); ++k) own.push_back(coordinates.begin(h) + k);
+  }
+  RowMatrix own_space;
+  if (Index(own.size()) < columns) own_space = basis_functions(kAllIndices, own);
+  const RowMatrix& own_functions = own_space.size() ? own_space : basis_functions;
+  energy_rows_ = RowMatrix::Zero(Index(own.size()), columns);
+  RowMatrix left(kVerticesPerProduct, energy_rows_.rows()), right(kVerticesPerProduct, columns);
+  int filled = 0;
+  const auto flush = [&] {
+    energy_rows_.noalias() += left.topRows(filled).transpose() * right.topRows(filled);
+    filled = 0;
+  };
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const int own_row = order.row_of_vertex[v], own_role = region.role[v];
+    if (own_role == kFixed) continue;
+    left.row(filled).setZero();
+    for (SparseMatrix::InnerIterator it(bound_.operators.laplacian, v); it; ++it) {
+      const int row = order.row_of_vertex[it.row()], role = region.role[it.row()];
+      if (row < order.free_count)
+        left.row(filled) += it.value() * own_functions.row(row);
+      else if (role >= 0 && own_begin[size_t(role)] >= 0)
+        left.row(filled).segment(own_begin[size_t(role)], coordinates.count(role)) +=
+            it.value() * coordinates.at(mesh.positions.row(it.row()), role);
+    }
+    if (own_row < order.free_count) {
+      right.row(filled) = basis_functions.row(own_row);
+    } else {
+      right.row(filled).setZero();
+      right.row(filled).segment(coordinates.begin(own_role), coordinates.count(own_role)) =
+          coordinates.at(mesh.positions.row(v), own_role);
+    }
+    if (++filled == kVerticesPerProduct) flush();
+  }
+  flush();
+}
+
+/// The unknowns of a pose, and the linear system of a global step.
+struct ReducedEnergy::Problem {
+  // C = [(A − I)ᵀ; A o − o]. For a free handle C = Tᵀ X + [0; pivot' − pivot], with the unknown X =
+  // (A − I)ᵀ and T = [I, o − pivot]. T is zero for a handle of one point that is its pivot.
+  struct Unknown {
+    size_t free_index;                                                  // index into free_handles_
+    Index first_row;                                                    // in energy_rows_
+    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 4> T;  // in reduced coordinates
+  };
+  std::vector<Unknown> unknowns;
+  RowMatrix prescribed_coordinates;  // of all handles, with X = 0
+  RowMatrix X, stiffness, forces;    // of all unknowns, three rows each
+  RowMatrix prescribed_covariances;  // of the clusters, with X = 0
+  RowMatrix covariance_of_unknowns;  // what each row of X adds to them
+};
+
+ReducedEnergy::Problem ReducedEnergy::set_up(const std::vector<Affine>& motions,
+                                             const Positions& pivots) const {
+  const HandleCoordinates& coordinates = bound_.coordinates;
+  const Index handle_count = Index(free_.size());
+  Problem problem;
+  RowMatrix given = RowMatrix::Zero(4 * handle_count, 3);
+  size_t free_index = 0;
+  Index first_row = 0;
+  for (Index h = 0; h < handle_count; ++h) {
+    const Eigen::Vector3d o = coordinates.centres().row(h), pivot = pivots.row(h);
+    const auto A = motions[size_t(h)].leftCols<3>();
+    auto block = given.middleRows<4>(4 * h);
+    if (!free_[size_t(h)]) {
+      block.topRows<3>() = A.transpose() - Eigen::Matrix3d::Identity();
+      block.row(3) = (A * o + motions[size_t(h)].col(3) - o).transpose();
+      continue;
+    }
+    const Eigen::Vector3d deformed_pivot = A * pivot + motions[size_t(h)].col(3);
+    block.row(3) = (deformed_pivot - pivot).transpose();
+    Eigen::Matrix<double, 3, 4> T;
+    T << Eigen::Matrix3d::Identity(), o - pivot;
+    const int handle = static_cast<int>(h);
+    Problem::Unknown unknown{free_index++, first_row,
+                             T * coordinates.reduction(handle).transpose()};
+    if (!unknown.T.isZero()) problem.unknowns.push_back(std::move(unknown));
+    first_row += coordinates.count(handle);
+  }
+  problem.prescribed_coordinates = coordinates.reduced(given);
+  return problem;
+}
+
+void ReducedEnergy::assemble(const std::vector<Eigen::Matrix3d>& initial, Problem& problem) const {
+  const HandleCoordinates& coordinates = bound_.coordinates;
+  const RowMatrix prescribed_forces = energy_rows_ * problem.prescribed_coordinates;
+  const Index count = Index(problem.unknowns.size());
+  problem.X.resize(3 * count, 3);
+  problem.forces.resize(3 * count, 3);
+  problem.stiffness.resize(3 * count, 3 * count);
+  problem.covariance_of_unknowns.resize(3 * cluster_count_, 3 * count);
+  for (Index i = 0; i < count; ++i) {
+    const auto& [free_index, first_row, T] = problem.unknowns[size_t(i)];
+    const Index width = T.cols();
+    problem.covariance_of_unknowns.middleCols<3>(3 * i) =
+        covariance_basis_.middleCols(coordinates.begin(free_handles_[free_index]), width) *
+        T.transpose();
+    for (Index k = 0; k < count; ++k) {
+      const Problem::Unknown& other = problem.unknowns[size_t(k)];
+      problem.stiffness.block<3, 3>(3 * i, 3 * k) =
+          T *
+          energy_rows_.block(first_row, coordinates.begin(free_handles_[other.free_index]), width,
+                             other.T.cols()) *
+          other.T.transpose();
+    }
+    problem.forces.middleRows<3>(3 * i) = T * prescribed_forces.middleRows(first_row, width);
+    problem.X.middleRows<3>(3 * i) = initial[free_index].transpose() - Eigen::Matrix3d::Identity();
+  }
+  if (count > 0)
+    problem.stiffness.diagonal().array() +=
+        kRegularization * problem.stiffness.diagonal().maxCoeff();
+  problem.prescribed_covariances =
+      rest_covariance_ + covariance_basis_ * problem.prescribed_coordinates;
+}
+
+std::vector<Eigen::Matrix3d> ReducedEnergy::minimize(
+    const std::vector<Affine>& motions, const Positions& pivots,
+    const std::vector<Eigen::Matrix3d>& initial) const {
+  Problem problem = set_up(motions, pivots);
+  assemble(initial, problem);
+  const Eigen::LDLT<Eigen::MatrixXd> factor{Eigen::MatrixXd(problem.stiffness)};
+  RowMatrix rotations(3 * cluster_count_, 3);  // R_kᵀ − I
+  const auto rotate_first = [&](Index count) {
+    const RowMatrix covariances = problem.prescribed_covariances.topRows(3 * count) +
+                                  problem.covariance_of_unknowns.topRows(3 * count) * problem.X;
+    for (Index k = 0; k < count; ++k)
+      rotations.middleRows<3>(3 * k) =
+          polar_rotation(covariances.middleRows<3>(3 * k).transpose()).transpose() -
+          Eigen::Matrix3d::Identity();
+  };
+  for (int step = 0; step < kMaxLocalGlobalSteps && !problem.unknowns.empty(); ++step) {
+    rotate_first(cluster_count_);
+    const RowMatrix minimizer =
+        factor.solve(problem.covariance_of_unknowns.transpose() * rotations - problem.forces);
+    const RowMatrix change = minimizer - problem.X;
+    problem.X += kOverRelaxation * change;
+    if (change.cwiseAbs().maxCoeff() < kMaxConvergedChange) break;
+  }
+  rotate_first(Index(free_handles_.size()));
+  std::vector<Eigen::Matrix3d> result;
+  for (Index i = 0; i < Index(free_handles_.size()); ++i)
+    result.push_back((rotations.middleRows<3>(3 * i) + Eigen::Matrix3d::Identity()).transpose());
+  return result;
+}
+
+std::vector<Eigen::Matrix3d> ReducedEnergy::rotations_of(const Rows& base) const {
+  std::vector<Eigen::Matrix3d> result;
+  for (const std::vector<Corner>& corners : cluster_corners_) {
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    for (const Corner& corner : corners)
+      covariance += base.row(corner.row).head<3>().transpose() * corner.flux.transpose();
+    result.push_back(polar_rotation(covariance));
+  }
+  return result;
+}
+
+double ReducedEnergy::bytes() const {
+  size_t corners = 0;
+  for (const auto& of_cluster : cluster_corners_) corners += of_cluster.size();
+  return static_cast<double>(energy_rows_.size() + covariance_basis_.size() +
+                             rest_covariance_.size()) *
+             sizeof(double) +
+         static_cast<double>(corners * sizeof(Corner));
+}
+
+}  // namespace dd
