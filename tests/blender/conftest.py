@@ -190,6 +190,13 @@ def make_strip(n=25, name="Strip", scale=1.0, world=None):
     return activate(ob)
 
 
+def choose(ob, **settings):
+    """Sets settings of the object. Blender takes an assignment to a property that isn't there without an error."""
+    for name, value in settings.items():
+        assert name in ob.detail_deform.bl_rna.properties, name
+        setattr(ob.detail_deform, name, value)
+
+
 def bind(ob, **options):
     activate(ob)
     assert bpy.ops.object.detail_deform_bind(wait=True, **options) == {'FINISHED'}
@@ -248,6 +255,15 @@ def set_factor(part, ob, factor):
     else:
         owner[name[2:-2]] = factor
     ob.update_tag()
+
+
+def curves(owner):
+    """The curves of the action of an object, shape keys or another data-block."""
+    action = owner.animation_data.action
+    if hasattr(action, 'fcurves'):
+        return list(action.fcurves)
+    return [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags
+            for curve in bag.fcurves]
 
 
 def data_blocks():

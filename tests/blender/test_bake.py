@@ -251,17 +251,6 @@ def test_a_part_of_a_cache_is_not_played(strip, tmp_path):
     assert [m.name for m in strip.modifiers] == ["Detail Deform"]
 
 
-def test_objects_of_like_names_have_caches_of_their_own(strip, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'shot.blend'))
-    other = bind(make_strip(name="Strip?"))
-    third = bind(make_strip(name="Strip*"))
-    for ob in (other, third):
-        activate(ob)
-        bpy.ops.object.detail_deform_bake()
-    assert {m.filepath for ob in (other, third) for m in ob.modifiers if m.type == 'MESH_CACHE'} == {
-        '//shot_Strip_.pc2', '//shot_Strip_ 2.pc2'}
-
-
 def test_apply_is_refused_while_the_deformation_is_hidden(strip, tmp_path):
     bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
     assert "press Go Live first" in refusal(bpy.ops.object.detail_deform_apply, mode='MESH')

@@ -129,11 +129,12 @@ def test_an_armature_behind_is_followed(kind):
         assert np.abs(evaluated(target) - pose).max() < 1e-3, frame
 
 
-def test_modifiers_that_are_left_out_are_named(pair, capfd):
+@pytest.mark.parametrize('kind', ['WAVE', 'NODES'])
+def test_modifiers_that_are_left_out_are_named(pair, kind, capfd):
     source, target = pair
     pose = evaluated(source)
     MAKERS['SUBSURF'](source)
-    source.modifiers.new("Waves", 'WAVE')
+    source.modifiers.new("Waves", kind)
     source.modifiers.new("Weights", 'WEIGHTED_NORMAL')
     sentence = "What 'Waves' of 'Source' does is left out, for it comes behind 'Subsurf', which makes vertices"
     transfer()
@@ -164,14 +165,6 @@ def test_modifiers_left_out_behind_one_that_may_make_vertices_are_named(pair, ki
     source.modifiers.new("Waves", 'WAVE')
     update()
     assert "What 'Waves' of 'Source' does is left out" in target.detail_deform.transfer.state
-
-
-def test_nodes_behind_what_makes_vertices_are_left_out_and_named(pair):
-    source, target = pair
-    MAKERS['SUBSURF'](source)
-    source.modifiers.new("Moved", 'NODES')
-    assert live() == {'FINISHED'}
-    assert "What 'Moved' of 'Source' does is left out" in target.detail_deform.transfer.state
 
 
 def test_a_follower_that_subdivides_is_followed_in_turn(pair):

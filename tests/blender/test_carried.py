@@ -10,6 +10,7 @@ import pytest
 from mathutils import Euler, Matrix
 
 from conftest import activate, add_empty, add_handle, bind, evaluated, group, make_strip, own, symmetric, update
+from shapes import tube
 
 TILTED = Matrix.LocRotScale((3, 1, -2), Euler((0.3, 0, 0.8)), (2, 2, 2))
 
@@ -224,17 +225,6 @@ def test_a_flat_mesh():
 
 
 # ---- garments
-
-def tube(name, radius, low, high, around, along):
-    t, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
-    faces = [(i * around + k, i * around + (k + 1) % around, (i + 1) * around + (k + 1) % around, (i + 1) * around + k)
-             for i in range(along) for k in range(around)]
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(np.stack([radius * np.cos(t), radius * np.sin(t), z], -1).reshape(-1, 3).tolist(), [], faces)
-    ob = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(ob)
-    return ob
-
 
 @pytest.mark.parametrize('whose', ['Body', 'Shirt', 'both'])
 @pytest.mark.parametrize('name', CHANGES)

@@ -56,19 +56,17 @@ CHANGES = [(swap_positions, "vertices were moved"), (swap_faces, "vertices or fa
 @pytest.mark.parametrize('change, sentence', CHANGES)
 def test_changes_are_noticed_by_content(change, sentence):
     ob = posed()
-    shown = evaluated(ob)
+    offsets = evaluated(ob) - own(ob)
     assert "Re-bind" not in ob.detail_deform.status
     change(ob)
     touch(ob)
     assert sentence in ob.detail_deform.status and "Re-bind" in ob.detail_deform.status
     assert not ob.detail_deform.is_bound
     # The shape is frozen and doesn't follow its handle, because the binding is another mesh's.
-    offsets = evaluated(ob) - own(ob)
     right(ob).location.z += 1
     update()
     assert np.abs(evaluated(ob) - own(ob) - offsets).max() < 1e-6
     assert sentence in refusal(bpy.ops.object.detail_deform_update)
-    assert len(shown) == len(offsets)
 
 
 def test_a_change_that_is_taken_back_keeps_the_binding():
@@ -83,19 +81,14 @@ def test_a_change_that_is_taken_back_keeps_the_binding():
     assert np.abs(evaluated(ob) - shown).max() < 1e-6
 
 
-def test_edits_that_change_nothing_keep_the_binding():
+def test_a_group_that_no_handle_uses_keeps_the_binding():
     ob = posed()
-    shown = evaluated(ob)
-    bpy.ops.object.mode_set(mode='EDIT')
+    group(ob, 'unrelated', [1, 2, 3])
+    touch(ob)
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
     right(ob).location.z += 0.05
     update()
-    bpy.ops.object.mode_set(mode='OBJECT')
-    update()
-    assert ob.detail_deform.is_bound, ob.detail_deform.status
-    assert np.abs(evaluated(ob) - shown)[members(ob, 'right'), 2] == pytest.approx(0.05, abs=1e-5)
-    group(ob, 'unrelated', [1, 2, 3])
-    update()
-    assert ob.detail_deform.is_bound
+    assert np.abs((evaluated(ob) - own(ob))[members(ob, 'right')] - (0, 0, 0.45)).max() < 1e-5
 
 
 def test_topology_changed_in_edit_mode_is_noticed_and_rebinding_keeps_the_pose():
@@ -339,7 +332,8 @@ def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
     assert np.abs(evaluated(ob) - own(ob)).max() > 0.39
 
 
-def test_a_bind_in_the_background_notices_edits_deletion_unbinding_and_cancelling(part):
+def test_a_bind_in_the_background_notices_edits_deletion_unbinding_and_cancelling(part, as_in_a_window):
+    as_in_a_window('follow.life')  # without a window an operator waits for the bind, and no cancel is in time
     binding, life = part('follow.binding'), part('follow.life')
     changed, deleted, unbound, cancelled = (make_strip(n, name=str(n)) for n in (31, 32, 33, 61))
     for ob in (changed, deleted, unbound, cancelled):
@@ -348,12 +342,11 @@ def test_a_bind_in_the_background_notices_edits_deletion_unbinding_and_cancellin
     bpy.data.objects.remove(deleted)
     binding.unbind(unbound)
     activate(cancelled)
-    bpy.ops.object.detail_deform_bind_cancel()
+    assert bpy.ops.object.detail_deform_bind_cancel() == {'FINISHED'}
     finish_in_background(life)
     assert "vertices were moved" in changed.detail_deform.status
     assert unbound.detail_deform.status == "Not bound."
-    # A cancel may come too late; then the surface is simply bound.
-    assert cancelled.detail_deform.status == "It was cancelled." or cancelled.detail_deform.is_bound
+    assert cancelled.detail_deform.status == "It was cancelled." and not cancelled.detail_deform.is_bound
 
 
 def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):
@@ -368,13 +361,19 @@ def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):
     assert ob.detail_deform.is_bound, ob.detail_deform.status
 
 
-def test_a_mesh_replaced_between_frames_is_not_written_to():
+@pytest.mark.parametrize('in_place', [False, True])
+def test_a_mesh_replaced_between_frames_is_not_written_to(in_place):
     ob = posed()
-    ob.data = bpy.data.meshes.new('Other')
-    ob.data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    if in_place:
+        ob.data.clear_geometry()
+    else:
+        ob.data = bpy.data.meshes.new('Other')
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    ob.data.from_pydata(points, [], [(0, 1, 2)])
     ob.vertex_groups.clear()
     group(ob, 'region', [0, 1, 2])
     group(ob, 'right', [2])
     right(ob).location.z += 1
     bpy.context.scene.frame_set(7)
     assert "vertices or faces were changed" in ob.detail_deform.status
+    assert not ob.detail_deform.is_bound and (evaluated(ob) == points).all()

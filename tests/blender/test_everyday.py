@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import activate, bind, evaluated, group, make_strip, own, pull, refusal, update
+from conftest import activate, bind, evaluated, group, make_strip, members, own, pull, refusal, update
 from rigs import make_rigged
 
 BRING_BACK = bpy.ops.object.detail_deform_bring_back
@@ -301,9 +301,11 @@ def test_two_objects_that_were_given_one_empty_follow_it_from_where_each_stands(
     two.detail_deform.handles[0].target = one.detail_deform.handles[0].target
     bind(one)
     bind(two)
+    assert "Its empties" not in one.detail_deform.status + two.detail_deform.status
     two.location.z += 1
     update()
-    assert np.abs(evaluated(two) - own(two)).max() > 0.9
+    assert np.allclose((evaluated(two) - own(two))[members(two, 'right')], (0, 0, -1), atol=1e-5)
+    assert np.abs(evaluated(one) - own(one)).max() < 1e-6
 
 
 # ---- loose parts within a reach
@@ -324,10 +326,14 @@ def parts():
 
 
 @pytest.mark.parametrize('radius, is_said', [(0.3, False), (5.0, True)])
-def test_a_reach_that_holds_a_whole_loose_part_is_said(radius, is_said):
+@pytest.mark.parametrize('has_reach', [False, True])
+def test_a_region_or_reach_that_holds_a_whole_loose_part_is_said(has_reach, radius, is_said):
     ob = parts()
+    if has_reach:  # of the handle that is pulled next, because the first handle has the region
+        pull(ob, (own(ob)[:, 1] < 1.1) & (own(ob)[:, 0] > 0.9), radius=0.3)
     chosen = (own(ob)[:, 1] > 1.9) & (own(ob)[:, 0] > 0.9)
     empty = pull(ob, chosen, radius=radius)
+    assert bool(ob.detail_deform.handles[-1].reach) == has_reach
     assert ("moves as a whole" in ob.detail_deform.status) == is_said
     empty.location.z += 0.2
     update()

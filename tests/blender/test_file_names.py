@@ -53,6 +53,9 @@ def test_names_that_a_disk_takes_for_the_same_have_caches_of_their_own(tmp_path,
         bake(ob)
     for ob, height in zip(obs, live):
         assert abs(risen(ob) - height) < 1e-6
+    names = [first.replace('?', '_'), second.replace('*', '_') + " 2"]
+    assert [m.filepath for ob in obs for m in ob.modifiers if m.type == 'MESH_CACHE'] == [
+        f'//shot_{name}.pc2' for name in names]
     assert sum(name.endswith('.pc2') for name in os.listdir(tmp_path)) == 2
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)

@@ -136,7 +136,7 @@ def test_the_calfs_poses_carry_over_to_the_giraffe(part):
     assert len(triangles(calf)) > 1.5 * len(triangles(giraffe)) > 25000
     assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
     # Below 1: the giraffe's neck and legs are longer than the calf's.
-    assert np.mean(giraffe.data['detail_deform_match']['confidence']) > 0.85
+    assert np.mean(giraffe.data['detail_deform_match']['arrays']['confidence']) > 0.85
     rests, marked = [own(calf), own(giraffe)], [part('setup.markers').of(ob) for ob in (calf, giraffe)]
     native, scene = part('library.native'), bpy.context.scene
     hooves = members(giraffe, "Hooves")

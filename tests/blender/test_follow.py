@@ -21,13 +21,6 @@ def lift(ob, height=0.4):
     return evaluated(ob)
 
 
-def test_resting_handles_change_nothing():
-    ob = make_strip()
-    rest = own(ob)
-    bind(ob)
-    assert np.abs(evaluated(ob) - rest).max() <= 1e-6 * np.linalg.norm(np.ptp(rest, axis=0))
-
-
 def test_the_surface_follows_and_the_mesh_itself_does_not_change():
     ob = make_strip()
     rest = own(ob)
@@ -273,19 +266,6 @@ def test_factor_scales_the_offsets_and_later_modifiers_see_the_result(part):
     update()
     assert len(evaluated(ob)) == 2 * len(own(ob))
     ob.modifiers.remove(mirror)
-
-
-def test_rotation_only_changes_the_shape_at_once():
-    ob = make_strip()
-    bind(ob)
-    rotated = lift(ob, 0.7)
-    ob.detail_deform.rotation_only = False
-    update()
-    whole = evaluated(ob)
-    assert np.abs(rotated - whole).max() > 1e-3
-    ob.detail_deform.rotation_only = True
-    update()
-    assert np.abs(evaluated(ob) - rotated).max() < 1e-7
 
 
 def test_two_handles_share_vertices_by_weight():

@@ -6,31 +6,18 @@ import numpy as np
 import pytest
 
 from conftest import activate, evaluated, own, update
+from shapes import tube
 from test_transfer import add_key, transfer
 
 
-def tube(name, radius, low, high, around, along):
-    t, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
-    p = np.stack([radius * np.cos(t), radius * np.sin(t), z], -1).reshape(-1, 3)
-    faces = [(i * around + k, i * around + (k + 1) % around, (i + 1) * around + (k + 1) % around, (i + 1) * around + k)
-             for i in range(along) for k in range(around)]
-    if name == "Shirt":  # its right half
-        kept = p[:, 0] > -1e-6
-        number = np.cumsum(kept) - 1
-        faces = [[number[v] for v in face] for face in faces if all(kept[v] for v in face)]
-        p = p[kept]
-        p[np.abs(p[:, 0]) < 1e-6, 0] = 0
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(p.tolist(), [], faces)
-    ob = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(ob)
-    return ob
+def half(p):
+    return p[:, 0] > -1e-6
 
 
 @pytest.fixture
 def dressed():
     """(body, shirt): a body with an animated shape key that moves one side more, and half a shirt."""
-    body, shirt = tube("Body", 1, -4, 4, 47, 60), tube("Shirt", 1.1, -2, 2, 48, 30)
+    body, shirt = tube("Body", 1, -4, 4, 47, 60), tube("Shirt", 1.1, -2, 2, 48, 30, half)
     p = own(body)
     belly = np.exp(-p[:, 2:] ** 2) * (0.5 * p * (1, 1, 0) + (0.1, 0, 0))
     key = add_key(body, "belly", p + belly)

@@ -259,14 +259,6 @@ def test_a_copy_with_its_empties_has_its_own_already(pulled):
     assert "Its empties" not in copy.detail_deform.status + pulled.detail_deform.status
 
 
-def test_two_meshes_that_were_given_one_empty_are_not_warned_of():
-    one, two = make_strip(name="One"), make_strip(name="Two")
-    two.detail_deform.handles[0].target = one.detail_deform.handles[0].target
-    bind(one)
-    bind(two)
-    assert "Its empties" not in one.detail_deform.status + two.detail_deform.status
-
-
 def test_empties_without_a_parent_are_copied_to_where_the_copy_is(pulled):
     empty = pulled.detail_deform.handles[0].target
     place = empty.matrix_world.copy()

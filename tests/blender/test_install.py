@@ -21,7 +21,9 @@ def test_the_installed_zip_is_what_runs(module, part):
     native = part('library.native')
     assert resources in Path(native.library_path()).resolve().parents
     bind(make_strip(9))
-    assert native.library_path() in (libraries('detail_deform') or [native.library_path()])
+    loaded = libraries('detail_deform')
+    # A system that can't be asked what it has loaded is taken at ctypes' word.
+    assert native.library_path() in ([native.library()._name] if loaded is None else loaded)
 
 
 def our_handlers(module):

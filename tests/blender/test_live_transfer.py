@@ -51,7 +51,7 @@ def assert_bent(target, within):
 
 
 def kept_pairs(target):
-    return np.array(target.data['detail_deform_match']['pairs']).reshape(-1, 2)
+    return np.array(target.data['detail_deform_match']['arrays']['pairs']).reshape(-1, 2)
 
 
 def test_markers_are_searched_when_following_starts(pair):

@@ -260,7 +260,7 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     assert np.abs(moved[rest[:, 2] < -0.55] - TURN @ (0, -0.2, -0.1)).max() < 1e-3
     assert np.abs(moved[rest[:, 2] > -0.25]).max() < 1e-3
     # A Saved Match whose points are damaged goes by its pairs.
-    kept = target.data['detail_deform_match']
+    kept = target.data['detail_deform_match']['arrays']
     kept['point_weights'] = kept['point_weights'][:-1]
     assert part('scene.saved_match').stored(source, target).points is None
     assert transfer(source=source.name, **by_displacements) == {'FINISHED'}

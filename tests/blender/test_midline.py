@@ -56,6 +56,9 @@ def distances(ob):
 def test_both_sides_are_mirror_images(square, selection, motion):
     chosen = SELECTIONS[selection](own(square), distances(square))
     empty = pull(square, chosen, radius=0.35)
+    handles = square.detail_deform.handles
+    assert empty == handles[0].target and [h.mirrors for h in handles if not h.symmetric] == (
+        ["", handles[0].name] if selection.startswith('one side') else [])
     place = empty.matrix_world.copy()
     empty.matrix_world = place @ MOTIONS[motion]
     update()

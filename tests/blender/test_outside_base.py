@@ -426,6 +426,8 @@ def test_another_base_object_has_a_rest_of_its_own():
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6 and "far" not in of.status
     bpy.data.objects.remove(of.base_object)
     assert of.status is not None  # it can be read before the next update
+    update()
+    assert "There is no base object" in of.status and not of.is_bound
 
 
 def test_a_base_without_faces_is_refused():

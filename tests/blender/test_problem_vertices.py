@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from conftest import activate, add_empty, add_handle, bind, group, make_strip, own, refusal, update
+from test_refusals import assert_refused
 
 SELECT = bpy.ops.object.detail_deform_select_problem
 MIDDLE = 12 * 25 + 12
@@ -82,7 +83,7 @@ def test_the_region_that_no_handle_reaches():
     group(ob, 'region', [3, 4, 5])
     group(ob, 'right', [0, 1, 2])
     update()
-    assert "on other loose parts of the mesh than the handles" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    assert_refused(ob, "on other loose parts of the mesh than the handles")
     SELECT()
     assert selected(ob) == [3, 4, 5]
 

@@ -84,27 +84,20 @@ def test_a_handle_that_loses_all_vertices_to_another():
     assert_refused(ob, "every vertex of its group 'light' has a larger weight in another handle")
 
 
-def test_no_handle():
+@pytest.mark.parametrize('change', [
+    lambda of: of.handles.clear(), lambda of: setattr(of.handles[0], 'enabled', False)], ids=['removed', 'disabled'])
+def test_no_handle(change):
     ob = make_strip()
-    ob.detail_deform.handles.clear()
+    change(ob.detail_deform)
     assert_refused(ob, "There is no handle")
 
 
-def test_all_handles_disabled():
+@pytest.mark.parametrize('change', [
+    lambda handle: setattr(handle, 'target', None), lambda handle: bpy.data.objects.remove(handle.target)],
+    ids=['never chosen', 'deleted'])
+def test_handle_without_empty(change):
     ob = make_strip()
-    ob.detail_deform.handles[0].enabled = False
-    assert_refused(ob, "There is no handle")
-
-
-def test_handle_without_empty():
-    ob = make_strip()
-    ob.detail_deform.handles[0].target = None
-    assert_refused(ob, "Handle 'right' has no empty")
-
-
-def test_empty_deleted():
-    ob = make_strip()
-    bpy.data.objects.remove(ob.detail_deform.handles[0].target)
+    change(ob.detail_deform.handles[0])
     assert_refused(ob, "Handle 'right' has no empty")
 
 
@@ -138,20 +131,22 @@ def test_an_empty_with_zero_scale_leaves_the_binding():
 
 def test_the_owner_of_a_location_that_is_no_number_is_named():
     ob = bind(make_strip())
-    target, shown = ob.detail_deform.handles[0].target, evaluated(ob)
+    target, shown = ob.detail_deform.handles[0].target, lift(ob)
     for owner, sentence in ((ob, "Object 'Strip' has a location"),
                             (target, "Handle 'right': empty 'Right' has a location")):
         owner.location.x = float('nan')
         update()
         assert sentence in ob.detail_deform.status
-        owner.location.x = 1
+        assert np.abs(evaluated(ob) - shown).max() < 1e-6
+        owner.location.x = 0 if owner == ob else 1
         update()
         assert ob.detail_deform.is_bound and sentence not in ob.detail_deform.status
+        assert np.abs(evaluated(ob) - shown).max() < 1e-6
     target.location.x = float('nan')
     update()
     bpy.ops.object.detail_deform_unbind()
     assert_refused(ob, "Handle 'right': empty 'Right' has a location")
-    assert np.isfinite(shown).all() and np.isfinite(evaluated(ob)).all()
+    assert (evaluated(ob) == own(ob)).all()
 
 
 def test_object_with_zero_scale():
@@ -165,16 +160,6 @@ def test_no_free_vertex():
     ob = make_strip()
     ob.detail_deform.handles[0].vertex_group = 'region'
     assert_refused(ob, "No vertex is free to follow")
-
-
-def test_handles_only_on_another_part():
-    ob = make_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (5, 0, 0), (6, 0, 0), (5, 1, 0)], [(0, 1, 2), (3, 4, 5)])
-    group(ob, 'handle', [0, 1, 2])
-    group(ob, 'region', [3, 4, 5])
-    ob.detail_deform.region = 'region'
-    add_handle(ob, 'handle', add_empty('Empty', (0, 0, 0)))
-    update()
-    assert_refused(ob, "on other loose parts of the mesh than the handles")
 
 
 def test_nothing_fixed_and_no_handle_in_a_part():
@@ -280,16 +265,6 @@ def test_one_vertex_handles_work():
     moved = evaluated(ob) - own(ob)
     assert moved[12 * 25 + 12, 2] == pytest.approx(0.1, abs=1e-6)
     assert np.isfinite(moved).all() and np.abs(moved).max() < 0.15
-
-
-def test_topology_changed_after_bind():
-    ob = bind(make_strip())
-    ob.data.clear_geometry()
-    ob.data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
-    ob.detail_deform.handles[0].target.location.z += 0.1
-    update()
-    assert "vertices or faces were changed since Bind" in ob.detail_deform.status
-    assert np.isfinite(evaluated(ob)).all()
 
 
 def test_handles_far_out_of_range_are_reported():

@@ -223,16 +223,6 @@ def test_a_follower_is_known_with_its_copies(strip):
         assert np.abs(evaluated(ob) - evaluated(strip)).max() < 1e-4
 
 
-def test_many_unbound_meshes_cost_no_update_more(strip, module):
-    """With one bound object; an object that changed is looked up, not searched for."""
-    assert np.isfinite(evaluated(strip)).all()
-    mover = add_empty("Mover", (0, 0, 0))
-    update()
-    few = steps_of_an_update(module, mover)
-    fill_scene(2000)
-    assert steps_of_an_update(module, mover) <= few + 100
-
-
 def test_the_record_of_a_deleted_copy_is_forgotten(part):
     """With a base object or a source a record is as large as the mesh."""
     ob = bind(make_strip())

@@ -104,7 +104,7 @@ def test_objects_are_matched_in_their_proportions_in_the_world(part):
     add_key(source, "Bend", twisted(own(source) * (1, 3, 0.8)) / (1, 3, 0.8))
     activate(target).detail_deform.transfer.source = source
     bpy.ops.object.detail_deform_transfer_match()
-    kept = np.array(target.data['detail_deform_match']['confidence'])
+    kept = np.array(target.data['detail_deform_match']['arrays']['confidence'])
     assert kept.min() > 0.5
     transfer(what='ALL_KEYS', correspondence='STORED')
     found = coordinates(target.data.shape_keys.key_blocks["Bend"])

@@ -482,11 +482,11 @@ def test_a_refused_transfer_leaves_what_was_kept(pair, tmp_path):
     path = tmp_path / "pairs.txt"
     path.write_text("0 0\n")
     transfer(source="Source", what='ACTIVE_KEY', correspondence='LIST', filepath=str(path))
-    before = list(target.data['detail_deform_match']['pairs'])
+    before = list(target.data['detail_deform_match']['arrays']['pairs'])
     path.write_text("1 1\n5 5\n")
     assert "no vertex group" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path),
                                         anchor='PINNED', anchor_group='none')
-    assert list(target.data['detail_deform_match']['pairs']) == before == [0, 0]
+    assert list(target.data['detail_deform_match']['arrays']['pairs']) == before == [0, 0]
     # The file's header says that it has pairs of triangles.
     target.detail_deform.transfer.source = source
     bpy.ops.object.detail_deform_transfer_save(filepath=str(path))

@@ -220,15 +220,3 @@ def test_turns_by_channels_have_no_jumps(part):
         way = np.linspace(0, 0.8 * np.pi, 60)[:, None] * along / np.linalg.norm(along)
         turned = np.array([channel_turns(rest + step, rest, 'XYZ') for step in way])
         assert np.abs(np.diff(turned, axis=0)).max() < 0.1, (rest, along)
-
-
-def test_bend_length_without_refinement_has_no_effect_and_a_reason(part):
-    options = part('library.options')
-    bend_length = next(option for option in options.SETTINGS if option.name == 'rotation_smoothing')
-    ob = make_bar(*bar_mesh())
-    ob.detail_deform.refine = 0
-    before = turn(ob, 90)
-    ob.detail_deform.rotation_smoothing = 0.05
-    update()
-    assert np.array_equal(evaluated(ob), before)
-    assert not options.is_shown(bend_length, ob.detail_deform) or options.why_not(bend_length, ob.detail_deform)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import activate, add_empty, bind, evaluated, group, make_strip, own, pull, update
+from conftest import activate, add_empty, bind, choose, evaluated, group, make_strip, own, pull, update
 from test_transfer import add_key
 
 SPACES = {'FLAT': Matrix.Diagonal((1, 1, 0.25, 1)), 'LONG': Matrix.Diagonal((3, 1, 1, 1)),
@@ -71,9 +71,7 @@ METHODS = [{'method': method} for method in ('TRANSFER', 'VARIATIONAL', 'NORMAL'
 def test_every_method_deforms_the_shape_in_the_world(space, settings):
     pair = strips(space)
     for ob in pair:
-        for name, value in settings.items():
-            if hasattr(ob.detail_deform, name):
-                setattr(ob.detail_deform, name, value)
+        choose(ob, **settings)
         bind(ob)
         turned(ob)
     assert_alike(*pair)

@@ -76,8 +76,13 @@ def test_a_group_that_nobody_uses_goes(pulled, removal):
     assert name not in pulled.vertex_groups
 
 
-def test_the_region_that_a_mask_uses_stays(pulled):
+@pytest.mark.parametrize('which', ['region', 'reach'])
+def test_a_region_or_reach_that_a_mask_uses_stays(pulled, which):
     name = pulled.detail_deform.own_region
+    if which == 'reach':
+        pull(pulled, own(pulled)[:, 0] < 0.1, radius=0.2)
+        activate(pulled)
+        name = pulled.detail_deform.handles[1].reach
     assert name in pulled.vertex_groups
     pulled.modifiers.new("Mask", 'MASK').vertex_group = name
     shown = len(pulled.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices)

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Saved Match: a correspondence stored in a custom property of the target's mesh, and so in the file."""
+"""The Saved Match: a correspondence stored with the target's mesh, and so in the file.
+
+A custom property of the target's mesh tells what it is of. Its arrays, megabytes for large meshes, are custom properties
+of another mesh, without geometry, to which the first one points: Blender copies those of the target's own mesh in each
+frame in which its offsets change, which took 2.1 to 5.9 ms for 99,458 triangles."""
 
 import array
 
+import bpy
 import numpy as np
 
 from ..library.options import NEAREST
@@ -13,17 +18,19 @@ _PROPERTY = 'detail_deform_match'
 
 
 def store(matched, source, target):
-    """Stores a correspondence in a custom property of the target's mesh, with the signatures of both topologies, which
-    fits() compares."""
+    """Stores a correspondence, with the signatures of both topologies, which fits() compares."""
+    forget(target)
     record = {'source': source.name, 'pairs_of': matched.pairs_of, 'digest': correspondence.digest_of(matched),
               'source_topology': mesh_data.topology_signature(source.data),
               'target_topology': mesh_data.topology_signature(target.data)}
     if matched.pairs_of == NEAREST:  # the nearest points themselves are searched for at preparation
         record.update(stance=matched.relative_transform.ravel().tolist(), **_present_points(source, target))
     else:  # With the triangles: Blender's triangulation of n-gons depends on their shape, which may change.
-        record.update({name: _as_list(getattr(matched, name)) for name in _LISTS})
-        if matched.points is not None:
-            record.update(zip(_POINTS, map(_as_list, matched.points)))
+        record['arrays'] = arrays = bpy.data.meshes.new(f"{target.data.name} Match")
+        for name in _LISTS:
+            arrays[name] = _as_list(getattr(matched, name))
+        for name, values in zip(_POINTS, matched.points or ()):
+            arrays[name] = _as_list(values)
     target.data[_PROPERTY] = record
 
 
@@ -61,6 +68,7 @@ def _as_list(values):
 
 
 _TEXTS = ('source', 'pairs_of', 'digest', 'source_topology', 'target_topology')
+# Of the mesh with the arrays:
 _LISTS = {'source_triangles': 3, 'target_triangles': 3, 'pairs': 2, 'confidence': 1}  # columns of each array
 
 _POINTS = ('point_triangles', 'point_weights')  # optional: present where a search has found points
@@ -70,21 +78,22 @@ def _record(target):
     """The stored correspondence; None where there is none, or the property is malformed."""
     record = target.data.get(_PROPERTY)
     if not (hasattr(record, 'keys') and all(isinstance(record.get(name), str) for name in _TEXTS) and
-            (_is_transform(record.get('stance')) if record['pairs_of'] == NEAREST else _are_pairs(record))):
+            (_is_transform(record.get('stance')) if record['pairs_of'] == NEAREST else
+             record['pairs_of'] in {'TRIANGLES', 'VERTICES'} and _are_pairs(record.get('arrays')))):
         return None
     return record
 
 
-def _are_pairs(record):
-    return (record['pairs_of'] in {'TRIANGLES', 'VERTICES'} and
-            all(hasattr(record.get(name), 'typecode') and len(record[name]) % each == 0
+def _are_pairs(arrays):
+    return (isinstance(arrays, bpy.types.Mesh) and
+            all(hasattr(arrays.get(name), 'typecode') and len(arrays[name]) % each == 0
                 for name, each in _LISTS.items()) and
-            3 * len(record['confidence']) == len(record['target_triangles']))
+            3 * len(arrays['confidence']) == len(arrays['target_triangles']))
 
 
-def _points_of(record, vertex_count):
+def _points_of(arrays, vertex_count):
     """The stored points of a correspondence; None where there are none of this vertex count."""
-    values = [record.get(name) for name in _POINTS]
+    values = [arrays.get(name) for name in _POINTS]
     if not all(hasattr(each, 'typecode') for each in values) or [vertex_count, 3 * vertex_count] != [*map(len, values)]:
         return None
     return np.array(values[0], np.int32), np.array(values[1], np.float32).reshape(-1, 3)
@@ -139,16 +148,22 @@ def stored(source, target):
         if mesh_data.topology_signature(ob.data) != topology:
             raise MeshProblem(f"The Saved Match of '{target.name}' was made for '{record['source']}', and the vertices "
                               f"or faces of '{ob.name}' are others: press Find Match to make it anew.")
-    matched = correspondence.Correspondence(*(np.array(record[name], np.int32).reshape(-1, _LISTS[name]) for name in (
-        'source_triangles', 'target_triangles', 'pairs')), np.array(record['confidence'], np.float32))
+    arrays = record['arrays']
+    matched = correspondence.Correspondence(*(np.array(arrays[name], np.int32).reshape(-1, _LISTS[name]) for name in (
+        'source_triangles', 'target_triangles', 'pairs')), np.array(arrays['confidence'], np.float32))
     matched.pairs_of = record['pairs_of']
-    matched.points = _points_of(record, len(target.data.vertices))
+    matched.points = _points_of(arrays, len(target.data.vertices))
     return matched
 
 
 def forget(target):
-    if is_stored(target):
-        del target.data[_PROPERTY]
+    record = target.data.get(_PROPERTY)
+    if record is None:
+        return
+    arrays = record.get('arrays') if hasattr(record, 'keys') else None
+    del target.data[_PROPERTY]
+    if isinstance(arrays, bpy.types.Mesh) and not arrays.users:  # copies of the target share it
+        bpy.data.meshes.remove(arrays)
 
 
 def vertex_confidence(target):
@@ -158,8 +173,8 @@ def vertex_confidence(target):
     if (record is None or record['pairs_of'] == NEAREST or
             record['target_topology'] != mesh_data.topology_signature(target.data)):
         return None
-    triangles = np.array(record['target_triangles'], np.int32)
-    weights = np.repeat(np.array(record['confidence'], np.float32), 3)
+    triangles = np.array(record['arrays']['target_triangles'], np.int32)
+    weights = np.repeat(np.array(record['arrays']['confidence'], np.float32), 3)
     count = len(target.data.vertices)
     if not 0 <= triangles.min(initial=0) <= triangles.max(initial=0) < count:
         return None

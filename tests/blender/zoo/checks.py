@@ -156,10 +156,10 @@ def is_result(of, status, moved):
             raise Failure(f"at rest something moves by {np.abs(found).max():.3g} of {size:.3g}")
         is_mirrored = any(handle.mirrors for handle in ob.detail_deform.handles)  # may go far, across a distant plane
         if wanted and not is_mirrored and (amplitude > tolerance or not of.shows_base):
-            _follows(of, roles, wanted, rest, found, amplitude, tolerance, status)
+            _follows(of, roles, wanted, rest, found, tolerance, status)
 
 
-def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
+def _follows(of, roles, wanted, rest, found, tolerance, status):
     """Fails where free vertices move much farther in the world than the handles, or stay at rest beside one that
     moves."""
     linear, into = np.array(of.ob.matrix_world, float)[:3, :3], np.eye(4)
