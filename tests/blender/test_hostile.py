@@ -247,7 +247,8 @@ def _matched(tmp_path):
 
 
 @pytest.mark.parametrize('change', [
-    match(arrays=None), match(arrays=5), match(pairs=None), match(digest=None), match(digest=5), match(pairs=[1, 2, 3]), match(pairs=[5, 10**9]),
+    match(arrays=None), match(arrays=5),
+    match(pairs=None), match(digest=None), match(digest=5), match(pairs=[1, 2, 3]), match(pairs=[5, 10**9]),
     match(pairs=[-1, -1]), match(pairs='text'), match(target_triangles=[0, 1, -5] * 200),
     match(target_triangles=[0, 1, 10**8] * 200), match(source_triangles=[0, 10**9, 2] * 200),
     match(confidence=[NAN]), match(confidence=None), match(pairs_of='{0}'), match(pairs_of=4),

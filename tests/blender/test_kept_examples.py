@@ -134,7 +134,7 @@ def test_baked_weights_replace_earlier_keyframes(rigged, mode, part, monkeypatch
     at(1)
     refreshed, life = [], part('follow.life')
     refresh = life.refresh
-    monkeypatch.setattr(life, 'refresh', lambda *given: (refreshed.append(1), refresh(*given)))
+    monkeypatch.setattr(life, 'refresh', lambda *given, **more: (refreshed.append(1), refresh(*given, **more)))
     assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}
     # Two refreshes a frame in each pass over the frames, of which sliders need two, but none for each keyframe.
     assert len(refreshed) < (5 if mode == 'SLIDERS' else 3) * 31

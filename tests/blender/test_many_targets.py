@@ -375,8 +375,10 @@ def work(part, source, targets):
 
     def begin(*obs, what='ALL_KEYS'):
         wanted = transfer.TransferRequest(
-            what=what, correspondence='AUTOMATIC', filepath="", pairs_of='TRIANGLES', rotation_only=False,
-            placing='VERTICES', keep_outside=True, gap=0.0, anchor='SOURCE', anchor_group="", formulation='SURFACE',
+            what=what, settings=SimpleNamespace(
+                correspondence='AUTOMATIC', filepath="", pairs_of='TRIANGLES', rotation_only=False,
+                placing='VERTICES', keep_outside=True, gap=0.0, anchor='SOURCE', anchor_group="",
+                formulation='SURFACE'),
             pattern="*", replace=False, drivers=False, names={}, alike_names=False, bake_as='CACHE', start=1, end=5,
             cache_path="")
         rows = [table_of.Row(ob.name, ob) for ob in obs]

@@ -156,7 +156,7 @@ def test_steps_and_refinement_have_reasons_with_a_base_object(options):
     settings.base = 'OBJECT'
     assert "is followed as it is" in options.why_not(rows['refine'], settings)
     assert "can't be split" in options.why_not(rows['steps'], settings)
-    assert options.arguments_of(options.BIND, settings) == {}
+    assert options.arguments_of(options.BIND, settings) == {'metric_smoothing': 0}  # of the surface: none
     told = options.arguments_of(options.UPDATE, settings)
     assert (told['refine'], told['steps']) == (0, 1)
 

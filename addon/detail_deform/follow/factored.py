@@ -21,13 +21,13 @@ def begin_run():
     _used.clear()
 
 
-def prepare(source, target, matched, how):
+def prepare(source, target, matched, settings):
     """Generator: yields the fraction done and returns the Prepared of these objects, from the cache if it is there.
     Raises MeshProblem or native.NativeError."""
     by = 'TOPOLOGY' if matched.is_by_topology else correspondence.digest_of(matched)
-    content = prepared.content(source, target, by, how, matched.relative_transform is not None)
+    content = prepared.content(source, target, by, settings, matched.relative_transform is not None)
     if content not in _kept:
-        job = prepared.Preparation(source, target, matched, how)
+        job = prepared.Preparation(source, target, matched, settings)
         try:
             yield from job.fractions()
             found = job.finish()

@@ -2,8 +2,6 @@
 """Meshes that follow a source by a transfer, as a kind.Kind. When their content changes, the transfer is prepared again
 automatically."""
 
-import contextlib
-
 from ..library.options import NEAREST
 from ..scene import correspondence, mesh_data, mirror_plane, saved_match, source_pose
 from ..scene.mesh_data import MeshProblem
@@ -71,7 +69,7 @@ def content(source, ob, to_keep=None):
     if to_keep:
         how, kept, worn = 'STORED', correspondence.digest_of(to_keep), to_keep.relative_transform is not None
     by = 'TOPOLOGY' if how == 'TOPOLOGY' else f"STORED.{kept}"
-    return prepared.content(source, ob, by, prepared.How.of(of), worn)
+    return prepared.content(source, ob, by, of, worn)
 
 
 def _owner(ob):
@@ -130,7 +128,7 @@ def begin(source, ob, used):
     """The job that prepares the transfer. used: the correspondence."""
     of = ob.detail_deform.transfer
     # Single precision is what a viewport shows, and takes half the time.
-    return prepared.Preparation(source, ob, used, prepared.How.of(of), precision='SINGLE')
+    return prepared.Preparation(source, ob, used, of, precision='SINGLE')
 
 
 def job(ob):
@@ -156,28 +154,16 @@ def check_frame(subject):
     pass
 
 
-_shared = None  # {(source, vertex count of its Wider, depsgraph): pose} by addresses; None outside shared_poses()
-
-
-@contextlib.contextmanager
-def shared_poses():
-    """Context in which each source that this add-on doesn't deform is evaluated once, for all its followers."""
-    global _shared
-    _shared = {}
-    try:
-        yield
-    finally:
-        _shared = None
-
-
-def _pose(source, depsgraph, wide):
+def _pose(subject, wide):
+    """The pose of the source. One that this add-on doesn't deform is evaluated once for all its followers in a call."""
+    source = subject.settings.transfer.source
     of = source.detail_deform
-    if _shared is None or of.signature or of.transfer.live:
-        return source_pose.evaluated_pose(source, depsgraph, wide)
-    key = source.as_pointer(), wide and wide.count, depsgraph.as_pointer()  # a render has its own depsgraph
-    if key not in _shared:
-        _shared[key] = source_pose.evaluated_pose(source, depsgraph, wide)
-    return _shared[key]
+    if of.signature or of.transfer.live:
+        return source_pose.evaluated_pose(source, subject.depsgraph, wide)
+    key = source.as_pointer(), wide and wide.count
+    if key not in subject.poses:
+        subject.poses[key] = source_pose.evaluated_pose(source, subject.depsgraph, wide)
+    return subject.poses[key]
 
 
 class Frame:
@@ -186,7 +172,7 @@ class Frame:
     def __init__(self, subject, transfer, record):
         of = subject.settings.transfer
         self._ob, self._transfer, self._rotation_only = subject.ob, transfer, of.rotation_only
-        self._pose = _pose(of.source, subject.depsgraph, transfer.wide)
+        self._pose = _pose(subject, transfer.wide)
         self.key = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.signature(subject.ob))
 
     is_hurried = is_draft = False

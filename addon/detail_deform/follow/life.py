@@ -43,23 +43,23 @@ def must_wait(depsgraph):
 
 def refresh_all(members, depsgraph):
     """Refreshes all of these that are live, sources before their followers."""
-    with fed.shared_poses():
-        for ob in sorted(members, key=fed.depth) if len(members) > 1 else members:
-            kind = kind_of(ob)
-            if kind and kind.is_live(ob):
-                refresh(ob, depsgraph)
+    poses = {}
+    for ob in sorted(members, key=fed.depth) if len(members) > 1 else members:
+        kind = kind_of(ob)
+        if kind and kind.is_live(ob):
+            refresh(ob, depsgraph, poses=poses)
 
 
-def refresh(ob, depsgraph, force=False):
+def refresh(ob, depsgraph, force=False, poses=None):
     """Brings the object's offsets up to date with its handles or source. Does nothing if these haven't moved, or,
-    unless force is set, if the modifier is hidden.
+    unless force is set, if the modifier is hidden. poses: as for Subject.
 
     Raises nothing for mistakes of the user: the sentence is stored in the settings, where the panel shows it.
     """
     kind = kind_of(ob)
     if kind is None or ob.mode == 'EDIT':
         return
-    subject = Subject(ob, depsgraph)
+    subject = Subject(ob, depsgraph, poses)
     if kind.is_outdated(subject):
         check(ob)
     if not (kind.has(ob) and kind.is_fit(subject) and (force or node_group.is_shown(subject.modifier, depsgraph))):

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The options of an update: the settings that take effect without a new bind."""
 
+import math
+
 from ..library import options
 from ..scene import examples
+from ..scene.mesh_data import MeshProblem
 
 _KEPT_OF_SLOW = ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots', 'soft_border')
 _STEPS = next(option for option in options.SETTINGS if option.name == 'steps')
@@ -50,8 +53,12 @@ def steps(settings):
 
 def soft_border(settings):
     """The width as a fraction of the way to the handles; 0 for the output Base, and with a base object, which moves the
-    border itself."""
-    return settings.soft_border if settings.base == 'COMPUTED' and settings.output == 'RESULT' else 0.0
+    border itself. Raises MeshProblem."""
+    if settings.base != 'COMPUTED' or settings.output != 'RESULT':
+        return 0.0
+    if math.isnan(settings.soft_border):  # the file was modified by something else
+        raise MeshProblem("Soft Border is not a number: set it to one from 0 to 1.")
+    return settings.soft_border
 
 
 def knows_whole_turns(settings):

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A factored transfer between two objects, and the job that makes it."""
 
-from typing import NamedTuple
-
 import bpy
 import numpy as np
 
 from ..library import native
+from ..library.options import TRANSFER, arguments_of
 from ..scene import mesh_data, mirrored_source, proportions
 from ..scene.loose import LooseVertices
 from ..scene.mesh_data import MeshProblem
@@ -40,34 +39,13 @@ class Prepared:
         return self._target.back(self._loose.place(self._transfer.apply(pose, gradients), pose))
 
 
-class How(NamedTuple):
-    """The settings that a transfer depends on, beside meshes and correspondence; named as in transfer_settings."""
-    anchor: str
-    anchor_group: str
-    formulation: str
-    placing: str
-    keep_outside: bool
-    gap: float
-
-    @classmethod
-    def of(cls, settings):
-        """settings: an object with attributes of these names, and rotation_only."""
-        how = cls(*(getattr(settings, name) for name in cls._fields))
-        # Where rotations alone are carried over, whole components are placed.
-        return how._replace(placing='COMPONENTS') if settings.rotation_only else how
-
-    @property
-    def least_gap(self):
-        """The option gap of native.TransferJob; negative: the target may go through the source."""
-        return self.gap if self.keep_outside else -1.0
-
-
 class Preparation:
     """The job that factors a transfer between two objects, with the interface of native's. Only the constructor reads
     Blender's data."""
 
-    def __init__(self, source, target, matched, how, precision='DOUBLE'):
-        """how: a How. Raises MeshProblem or native.NativeError."""
+    def __init__(self, source, target, matched, settings, precision='DOUBLE'):
+        """settings: an object with attributes of the names in TRANSFER_SETTINGS. Raises MeshProblem or
+        native.NativeError."""
         self._spaces = _spaces(source, target, matched.relative_transform)
         self._worn = matched.relative_transform is not None
         shapes = [mesh_data.rest_positions(ob.data) for ob in (source, target)]
@@ -80,16 +58,13 @@ class Preparation:
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
         self._loose = LooseVertices(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
                                     meshes[0][0] if matched.is_by_topology else None)
-        more = {}
-        if self._worn:
-            more['gap'] = how.least_gap
-            if np.linalg.det(self._spaces[0].linear) < 0:  # a reflection turns triangles inside out: turn them back
-                meshes[0][1] = np.ascontiguousarray(sides[0][:, ::-1])
+        arguments = {**_arguments(settings, self._worn), 'pairs_of': matched.pairs_of}
+        if self._worn and np.linalg.det(self._spaces[0].linear) < 0:
+            meshes[0][1] = np.ascontiguousarray(sides[0][:, ::-1])  # a reflection turns triangles inside out: back
         if matched.points is not None:
-            more['point_triangles'], more['point_weights'] = matched.points
-        self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=how.anchor,
-                                       anchors=_anchors(target, how), formulation=how.formulation,
-                                       placing=how.placing, precision=precision, **more)
+            arguments['point_triangles'], arguments['point_weights'] = matched.points
+        self._job = native.TransferJob(*meshes, matched.pairs, anchors=_anchors(target, settings), precision=precision,
+                                       **arguments)
         self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
         self.fractions = self._job.fractions
 
@@ -111,22 +86,30 @@ def _unfollowed(source, followed, shape, stance):
     return mirrored_source.unfollowed(source, followed, points, bpy.context.evaluated_depsgraph_get())
 
 
-def content(source, target, by, how, worn):
+def content(source, target, by, settings, worn):
     """A signature of all that a prepared transfer depends on: equal texts mean equal content. by: a signature of the
-    correspondence. worn: whether that is by nearest points."""
+    correspondence. settings: as for Preparation. worn: whether the correspondence is by nearest points."""
     anchors = ""
-    if how.anchor_group in target.vertex_groups and how.anchor in {'VERTICES', 'PINNED'}:
-        anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
+    if settings.anchor_group in target.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
+        anchors = mesh_data.signature(mesh_data.members(target, settings.anchor_group))
     meshes = [mesh_data.signature(mesh_data.rest_positions(side.data)) + mesh_data.topology_signature(side.data)
               for side in (source, target)]
     scales = [proportions.signature(side) for side in (source, target)]
-    return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, f"{how.least_gap:.5g}",
-                     *scales, mirrored_source.signature(source) if worn else "", str(len(target.data.edges))])
+    arguments = [f"{value:.5g}" if isinstance(value, float) else str(value)
+                 for value in _arguments(settings, worn).values()]
+    return '.'.join([*meshes, by, anchors, *arguments, *scales, mirrored_source.signature(source) if worn else "",
+                     str(len(target.data.edges))])
 
 
-def _anchors(target, how):
-    anchors, anchor_group = (), how.anchor_group
-    if how.anchor in {'VERTICES', 'PINNED'}:
+def _arguments(settings, worn):
+    """The arguments of native.TransferJob that are settings. worn: as for content(); else there is no gap."""
+    return {name: value for name, value in arguments_of(TRANSFER, settings).items()
+            if name != 'pairs_of' and (worn or name != 'gap')}
+
+
+def _anchors(target, settings):
+    anchors, anchor_group = (), settings.anchor_group
+    if settings.anchor in {'VERTICES', 'PINNED'}:
         if anchor_group not in target.vertex_groups:
             raise MeshProblem(f"'{target.name}' has no vertex group '{anchor_group}': choose that of the vertices "
                               "that stay in place in Anchor Group.")

@@ -41,7 +41,7 @@ class Option:
     limits: dict = dataclasses.field(default_factory=dict)  # min, max and so on, as bpy.props has them
     fills: Field | None = None
     needs: tuple = ()
-    off: Any = None  # passed while every unmet need has a why_not; None: the field isn't passed
+    off: Any = None  # passed while a need is unmet; None: the field isn't passed then
     section: str = ""  # of the panels; '': no row, or one of its own
     compared: tuple = ()  # values that the enum's menu lists last, under the heading For Comparison (declared.py)
     expand: bool = False  # as buttons side by side
@@ -325,7 +325,7 @@ TRANSFER_SETTINGS = (
     Option('placing', PLACINGS, "Places",
            "What decides where this mesh goes, beside how the source turns and stretches",
            fills=Field(TRANSFER, 'placing', 'dd_placing'), section='TRANSFER',
-           needs=(Need('rotation_only', (False,)),),
+           needs=(Need('rotation_only', (False,)),), off='COMPONENTS',
            argument_tooltip="What decides where the mesh goes; as in the panel unless given"),
     Option('keep_outside', bool, "Keep Outside",
            "What is matched by Nearest doesn't go through the source, or not farther than it does at rest. What is "
@@ -337,7 +337,7 @@ TRANSFER_SETTINGS = (
            "is less",
            default=0.005, limits=dict(min=0.0, soft_max=0.1, max=10.0, precision=4, step=0.1),
            fills=Field(TRANSFER, 'gap', float), section='TRANSFER',
-           needs=(*_WORN, Need('keep_outside', (True,))),
+           needs=(*_WORN, Need('keep_outside', (True,))), off=-1.0,
            argument_tooltip="How far outside of the source it is kept at least, as a share of the mesh's size; as in "
                             "the panel unless given"),
     Option('anchor', ANCHORS, "Anchor", "What stays in place: how a mesh bends says nothing of where it is",
@@ -369,21 +369,19 @@ def why_not(option, settings):
 
 
 def library_value(option, settings):
-    """The value of the option's field in the library's struct; None where the setting has no effect now: the field then
-    keeps its default, and a change of the setting makes no difference to the library."""
-    unmet = _unmet(option, settings)
-    if unmet:
-        return option.off if all(need.why_not for need in unmet) else None
-    return option.fills.value(getattr(settings, option.name))
+    """The value of the option's field in the library's struct. Where the setting has no effect now, it is option.off,
+    so that a change of the setting makes no difference to the library; None: the field keeps its default."""
+    return option.off if _unmet(option, settings) else option.fills.value(getattr(settings, option.name))
 
 
 _OPTIONS_OF_CALL = {BIND: [option for option in SETTINGS if option.struct == BIND],
-                    UPDATE: [option for option in SETTINGS if option.struct in OF_UPDATE]}
+                    UPDATE: [option for option in SETTINGS if option.struct in OF_UPDATE],
+                    TRANSFER: [option for option in TRANSFER_SETTINGS if option.struct == TRANSFER]}
 
 
 def arguments_of(call, settings):
-    """{keyword: value}: the arguments of a bind or an update, of the settings that have an effect now. call: BIND or
-    UPDATE."""
+    """{keyword: value}: the arguments of a bind, an update or the preparation of a transfer, of the settings that have
+    an effect now. call: BIND, UPDATE or TRANSFER. settings: an object with attributes of the settings' names."""
     values = {option.keyword: library_value(option, settings) for option in _OPTIONS_OF_CALL[call]}
     return {name: value for name, value in values.items() if value is not None}
 

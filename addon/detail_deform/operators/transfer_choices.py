@@ -59,7 +59,7 @@ class TransferChoices(LongOperator):
             column.prop(self, 'alike_names')
             column.prop(self, 'names_file')
 
-    def request(self, context, source, **others):
+    def request(self, context, source, settings, **others):
         """The transfer.TransferRequest of these properties and the given other fields. Raises MeshProblem."""
         names = {}
         if self.names_file and self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
@@ -67,8 +67,8 @@ class TransferChoices(LongOperator):
             self._tell_unknown(source, names)
         start, end = self.frame_range(context)
         return transfer.TransferRequest(
-            what=self.what, pattern=self.pattern, replace=self.replace, drivers=self.drivers, names=names,
-            alike_names=self.alike_names, bake_as=self.bake_as, start=start, end=end, **others)
+            what=self.what, settings=settings, pattern=self.pattern, replace=self.replace, drivers=self.drivers,
+            names=names, alike_names=self.alike_names, bake_as=self.bake_as, start=start, end=end, **others)
 
     def _tell_unknown(self, source, names):
         keys = source.data.shape_keys

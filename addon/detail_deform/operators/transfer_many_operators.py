@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators that carry the active mesh's deformation over to many others."""
 
-import dataclasses
+from types import SimpleNamespace
 
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, StringProperty
@@ -60,8 +60,8 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
     def run(self, context, source):
         mesh_data.check_left_edit_mode(source)
         rows = self._targets(context, source)
-        common = self.request(context, source, **dict.fromkeys(_OF_TARGET), correspondence=self.correspondence,
-                              lists=self.lists, cache_path="")
+        common = self.request(context, source, SimpleNamespace(correspondence=self.correspondence), lists=self.lists,
+                              cache_path="")
         transfer.check(source, common)
         if self.what == 'ANIMATION' and self.bake_as == 'CACHE':
             point_cache.absolute('//')  # refuses a file that was never saved: the caches go beside it
@@ -81,7 +81,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
     @staticmethod
     def _wanted_of(common, target):
         settings = target.detail_deform.transfer
-        return dataclasses.replace(common, **{name: getattr(settings, name) for name in _OF_TARGET})
+        return common.with_settings(**{name: getattr(settings, name) for name in _OF_TARGET})
 
     def _tell(self, target):
         self.task = f"Transferring to {target}"

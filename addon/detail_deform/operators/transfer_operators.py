@@ -2,6 +2,8 @@
 """Operators for deformation transfer from one mesh to another; scripts call these as
 bpy.ops.object.detail_deform_transfer..."""
 
+from types import SimpleNamespace
+
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
@@ -74,7 +76,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
 
     def run(self, context, ob):
         source = _source_of(ob, self.source)
-        wanted = self.request(context, source, **self._as_in_panel(ob.detail_deform.transfer),
+        wanted = self.request(context, source, SimpleNamespace(**self._as_in_panel(ob.detail_deform.transfer)),
                               cache_path=self.cache_path)
         factored.begin_run()
         return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))

@@ -3,6 +3,7 @@
 
 import dataclasses
 import time
+from types import SimpleNamespace
 
 from ..follow import factored, placed, prepared
 from ..library.options import CORRESPONDENCES
@@ -20,16 +21,7 @@ _TITLES = {name: title for name, title, _ in CORRESPONDENCES}
 class TransferRequest:
     """What is carried over, and how: the operator's properties, or the panel's settings where these are not given."""
     what: str
-    correspondence: str  # or 'AUTOMATIC'
-    filepath: str
-    pairs_of: str
-    rotation_only: bool
-    anchor: str
-    anchor_group: str
-    formulation: str
-    placing: str
-    keep_outside: bool
-    gap: float
+    settings: SimpleNamespace  # by the names of TRANSFER_SETTINGS; correspondence may be 'AUTOMATIC', too
     pattern: str
     replace: bool
     drivers: bool
@@ -40,6 +32,10 @@ class TransferRequest:
     end: int
     cache_path: str
     lists: str = ""  # a folder of pair lists, each named as its target
+
+    def with_settings(self, **changed):
+        """A copy with some settings changed."""
+        return dataclasses.replace(self, settings=SimpleNamespace(**{**vars(self.settings), **changed}))
 
 
 def usual_path(ob):
@@ -77,28 +73,27 @@ def begin(context, source, target, request):
             point_cache.absolute(request.cache_path)
     else:
         transferred_keys.check(target)
-    if request.correspondence == 'AUTOMATIC':
+    if request.settings.correspondence == 'AUTOMATIC':
         how, path, pairs_of = matching.automatic(source, target, request.lists)
-        request = dataclasses.replace(request, correspondence=how, filepath=path, pairs_of=pairs_of)
-    elif request.correspondence == 'LIST' and request.lists:
+        request = request.with_settings(correspondence=how, filepath=path, pairs_of=pairs_of)
+    elif request.settings.correspondence == 'LIST' and request.lists:
         path, pairs_of = matching.list_file(request.lists, target)
-        request = dataclasses.replace(request, filepath=path, pairs_of=pairs_of)
+        request = request.with_settings(filepath=path, pairs_of=pairs_of)
     return _matched_and_carried(context, source, target, keys, request)
 
 
 def _matched_and_carried(context, source, target, keys, request):
-    started = time.perf_counter()
-    searched = _SHARE_OF_SEARCH if request.correspondence == 'MARKERS' else 0
+    started, settings = time.perf_counter(), request.settings
+    searched = _SHARE_OF_SEARCH if settings.correspondence == 'MARKERS' else 0
     factored_at = searched + _SHARE_OF_FACTOR * (1 - searched)
-    search = matching.find(request.correspondence, source, target, request.filepath, request.pairs_of)
+    search = matching.find(settings.correspondence, source, target, settings.filepath, settings.pairs_of)
     matched = yield from subprogress(search, 0, searched)
-    transfer = yield from subprogress(factored.prepare(source, target, matched, prepared.How.of(request)), searched,
-                                      factored_at)
+    transfer = yield from subprogress(factored.prepare(source, target, matched, settings), searched, factored_at)
     outcome = yield from subprogress(
         _carry(context, _SeamClosingTransfer(transfer, target), source, target, keys, request), factored_at, 1)
-    if matching.needs_search(request.correspondence):
+    if matching.needs_search(settings.correspondence):
         saved_match.store(matched, source, target)
-    outcome.matched_by = _TITLES[request.correspondence]
+    outcome.matched_by = _TITLES[settings.correspondence]
     outcome.remarks += prepared.remarks(transfer)
     left_out = partial_evaluation.left_out(source, context.evaluated_depsgraph_get()) if keys is None else ""
     if left_out:
@@ -164,4 +159,4 @@ def _poses(context, transfer, source, request):
     """Generator of (n, 3): the target's positions in each frame."""
     for _ in frames.walk(context, source, request.start, request.end):
         pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), transfer.wide)
-        yield transfer.apply(pose, request.rotation_only)
+        yield transfer.apply(pose, request.settings.rotation_only)

@@ -48,7 +48,7 @@ def from_pose(context, prepared, source, target, request):
     returns the Outcome."""
     frames.settle(context, source)
     pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), prepared.wide)
-    offsets = _offset(prepared, target, pose, request.rotation_only)
+    offsets = _offset(prepared, target, pose, request.settings.rotation_only)
     yield 1.0
     name = _POSE_NAME.format(source.name)
     origin = _origin(source, None, name)
@@ -73,7 +73,7 @@ def from_keys(prepared, source, target, keys, request):
     present = target.data.shape_keys
     there = [key.name for key in present.key_blocks if key != present.reference_key] if present else []
     target_names = key_names.target_names([key.name for key in keys], there, request.names, request.alike_names)
-    offsets, left_out = yield from _shapes(prepared, source, target, keys, target_names, request.rotation_only)
+    offsets, left_out = yield from _shapes(prepared, source, target, keys, target_names, request.settings.rotation_only)
     made, others, user_changes = {}, [], {'range': [], 'vertex group': []}
     of_target = transferred.KeyWriter(target)
     try:

@@ -328,8 +328,9 @@ def topology_signature(mesh):
 
 
 def signature(array):
-    """A hash of an array's bytes as short text."""
-    return _digest(array)
+    """A hash of an array's values as short text. −0 counts as 0, which it becomes where Blender applies a transform."""
+    array = np.asarray(array)
+    return _digest(array + 0 if array.dtype.kind == 'f' else array)
 
 
 # Comparison of two meshes with the same vertices

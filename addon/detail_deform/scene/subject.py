@@ -22,8 +22,10 @@ class Subject:
     """A mesh object, its settings and its enabled handles, as a call finds them. It is made where a call begins and
     handed on; never kept, as undo frees what it refers to, and made anew after the call has changed what was read."""
 
-    def __init__(self, ob, depsgraph=None):
+    def __init__(self, ob, depsgraph=None, poses=None):
+        """poses: a dict that the subjects of a call share, for poses of sources that several of them follow."""
         self.ob, self.mesh, self.settings, self.depsgraph = ob, ob.data, ob.detail_deform, depsgraph
+        self.poses = {} if poses is None else poses
 
     @functools.cached_property
     def modifier(self):
