@@ -10,10 +10,10 @@ from conftest import ADDON
 # All modules that the add-on imports besides its own. Think before adding one: none may use the network, start
 # programs, or make objects or code of files.
 IMPORTS = {'_ctypes', 'array', 'ast', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys',
-           'contextlib', 'copy', 'ctypes', 'dataclasses', 'enum', 'fnmatch', 'functools', 'glob', 'gpu', 'gpu_extras', 'hashlib',
-           'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex',
-           'shutil', 'struct', 'sys', 'tempfile', 'textwrap', 'threading', 'time', 'types', 'typing', 'unicodedata', 'uuid',
-           'weakref', 'webbrowser'}
+           'contextlib', 'copy', 'ctypes', 'dataclasses', 'enum', 'fnmatch', 'functools', 'glob', 'gpu', 'gpu_extras',
+           'hashlib', 'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform',
+           're', 'shlex', 'shutil', 'struct', 'sys', 'tempfile', 'textwrap', 'threading', 'time', 'types', 'typing',
+           'unicodedata', 'uuid', 'weakref', 'webbrowser'}
 OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'listdir', 'open', 'path', 'remove',
          'rename', 'replace', 'urandom'}
 # Names and attributes, whoever they belong to.

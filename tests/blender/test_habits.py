@@ -382,7 +382,6 @@ BOUND = {'handles', 'own_reach', 'examples', 'expression', 'cage', 'cache'}
 # The sentences shown after an action, by feature. Nothing is said where a feature is not listed.
 SENTENCES = {
     set_origin: dict.fromkeys(BOUND | OF_THE_SOURCE, MOVED),
-    apply_transform: dict.fromkeys(BOUND | OF_THE_SOURCE, MOVED),
     join_something: {**dict.fromkeys(BOUND | {'worn'}, CHANGED),
                      **dict.fromkeys({'follower', 'followed'}, "they are not of the same topology")},
     rename_keys: {'examples': "has no shape key of that name"},

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, make_strip, new_scene, own, refusal, update
+from conftest import activate, bind, evaluated, make_strip, new_scene, own, refusal, update
 from test_transfer import add_key, bent, raw_strip
 
 NAN = float('nan')
@@ -35,6 +35,7 @@ def use(ob, buttons=BUTTONS):
             if handle.target:
                 handle.target.location.z += 0.1
         update()
+        assert np.isfinite(evaluated(ob)).all()
     settings.refine = 2
     ob.data.update_tag()
     update()

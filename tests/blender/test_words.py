@@ -24,7 +24,7 @@ BLENDERS = {
     "Visual Geometry to Mesh", "X", "Y", "Z"}
 # Names of data that the add-on makes, and other words with a capital.
 OTHERS = {"UVs", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
-          "… Mirrored",
+          "… Mirrored", "… Match",
           "Object Mode", "Poisson", "Press", "UTF-8", "Windows", "with an Empty of Its Own"}
 
 

@@ -28,7 +28,7 @@ def sample_points(mesh):
 
 def _samples(mesh):
     positions = mesh_data.positions(mesh)
-    return positions[np.linspace(0, len(positions) - 1, min(_SAMPLES, len(positions))).astype(np.intp)]
+    return positions[np.linspace(0, len(positions) - 1, min(_SAMPLES, len(positions))).astype(np.intp)] + 0  # −0 is 0
 
 
 def space_change(mesh, stored):
