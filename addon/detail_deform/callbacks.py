@@ -2,18 +2,18 @@
 """What follows from a change of a property of Object.detail_deform: its update callbacks, called by Blender with the
 struct that has the property and the context."""
 
-from .follow import binding, life, status
+from .follow import binding, lifecycle, status
 from .scene import outside_base
 from .ui import preview
 
 
 def content_changed(self, context):
-    life.check(self.id_data)
+    lifecycle.check(self.id_data)
 
 
 def region_changed(self, context):
     self.pulled_region = False
-    life.check(self.id_data)
+    lifecycle.check(self.id_data)
 
 
 def name_changed(self, context):
@@ -41,7 +41,7 @@ def base_object_changed(self, context):
 
 
 def base_changed(self, context):
-    life.check(self.id_data)
+    lifecycle.check(self.id_data)
     binding.targets_changed(self.id_data)
 
 
@@ -54,16 +54,16 @@ def influence_changed(self, context):
 
 
 def method_changed(self, context):
-    life.check(self.id_data)  # examples are content of one method only
+    lifecycle.check(self.id_data)  # examples are content of one method only
     result_changed(self, context)
 
 
 def result_changed(self, context):
-    life.refresh(self.id_data, context.evaluated_depsgraph_get())
+    lifecycle.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
 def example_changed(self, context):
-    life.check(self.id_data)
+    lifecycle.check(self.id_data)
     result_changed(self, context)
 
 

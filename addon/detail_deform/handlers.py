@@ -5,7 +5,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import session
-from .follow import auto_bind, drag, edits, life, registry
+from .follow import auto_bind, drag, edits, lifecycle, registry
 from .ui import marker_cache, preview
 
 # While nothing is bound, neither of the next two handlers iterates over a scene's objects or over the updates.
@@ -23,7 +23,7 @@ def _depsgraph_updated(scene, depsgraph):
         if edited:
             edits.note(members, edited)
         drag.updated()
-        life.refresh_all(members, depsgraph)
+        lifecycle.refresh_all(members, depsgraph)
 
 
 @persistent
@@ -34,7 +34,7 @@ def _frame_changed(scene, depsgraph):
 
 @persistent
 def _render_begins(*_):
-    life.render_begins(registry.members())
+    lifecycle.render_begins(registry.members())
 
 
 @persistent
@@ -46,8 +46,8 @@ def _before_saving(*_):
 
 def _show_whole(depsgraph):
     members = registry.of_scene(depsgraph)
-    life.end_drag(members)
-    life.refresh_all(members, depsgraph)
+    lifecycle.end_drag(members)
+    lifecycle.refresh_all(members, depsgraph)
 
 
 @persistent
@@ -70,7 +70,7 @@ _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post'
 def register():
     for name, function in _HANDLERS:
         getattr(bpy.app.handlers, name).append(function)
-    life.when_stale.append(auto_bind.soon)
+    lifecycle.when_stale.append(auto_bind.soon)
 
 
 def unregister():

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
 
 from .declared import declare
-from .follow import life, live_transfer
+from .follow import lifecycle, live_transfer
 from .library.options import TRANSFER_SETTINGS
 from .ui import preview
 
@@ -16,8 +16,8 @@ def _source_changed(self, context):
 
 
 def _changed(self, context):
-    life.check(self.id_data)
-    life.refresh(self.id_data, context.evaluated_depsgraph_get())
+    lifecycle.check(self.id_data)
+    lifecycle.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
 def _preview_changed(self, context):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cache of binds and transfers made for followers (follow/made.py), with jobs that only pretend to work."""
+"""The cache of binds and transfers made for followers (follow/job_cache.py), with jobs that only pretend to work."""
 
 import threading
 
 import pytest
 from conftest import part
 
-made, session = part('follow.made'), part('session')
+made, session = part('follow.job_cache'), part('session')
 NativeError = part('library.native').NativeError
 
 

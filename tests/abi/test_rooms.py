@@ -15,7 +15,7 @@ MODULES = sorted(ADDON.rglob('*.py'))
 
 
 def _module_of(path):
-    """('follow', 'life') of follow/life.py, () of __init__.py."""
+    """('follow', 'life') of follow/lifecycle.py, () of __init__.py."""
     parts = path.relative_to(ADDON).with_suffix('').parts
     return parts[:-1] if parts[-1] == '__init__' else parts
 
@@ -101,10 +101,10 @@ def test_both_kinds_of_followers_define_all_that_life_uses():
     def tree(name):
         return ast.parse((ADDON / 'follow' / f'{name}.py').read_text(encoding='utf-8'))
 
-    asked = {node.attr for node in ast.walk(tree('life'))
+    asked = {node.attr for node in ast.walk(tree('lifecycle'))
              if isinstance(node, ast.Attribute) and getattr(node.value, 'id', None) == 'kind'}
     assert {'cache', 'has', 'check', 'Frame'} <= asked
-    for kind in ('bound', 'fed'):
+    for kind in ('handle_follower', 'source_follower'):
         names = {name for node in tree(kind).body for name in (
             [target.id for target in node.targets] if isinstance(node, ast.Assign) else [getattr(node, 'name', None)])}
         assert asked <= names, asked - names

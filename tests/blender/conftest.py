@@ -60,8 +60,8 @@ def part(module):
 
 @pytest.fixture
 def as_in_a_window(part, monkeypatch):
-    """as_in_a_window('follow.life'): this module takes Blender for one with a window, and so do timers, which are then
-    called by hand."""
+    """as_in_a_window('follow.lifecycle'): this module takes Blender for one with a window, and so do timers, which are
+    then called by hand."""
     class Window:
         def __getattr__(self, name):
             return False if name == 'background' else getattr(bpy.app, name)

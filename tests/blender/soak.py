@@ -89,7 +89,7 @@ def counts():
         owned = parts['library.loading'].Owned
         found['objects of the library'] = sum(isinstance(o, owned) and bool(o._handle) for o in gc.get_objects())
         found['timers'] = sum(timer.is_running() for timer in parts['timers'].ALL)
-        found['records'] = len(parts['follow.shown']._shown)
+        found['records'] = len(parts['follow.frame_results']._shown)
     return found
 
 

@@ -20,7 +20,7 @@ def tick(part, as_in_a_window):
         module._timer.stop()
         if waiting:
             module._bind_again()
-            part('follow.life').wait(bpy.context.active_object, bpy.context.evaluated_depsgraph_get())
+            part('follow.lifecycle').wait(bpy.context.active_object, bpy.context.evaluated_depsgraph_get())
             update()
         return waiting
 

@@ -320,7 +320,7 @@ def finish_in_background(life):
 
 
 def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
-    binding, life, cache = part('follow.binding'), part('follow.life'), part('follow.bound').cache
+    binding, life, cache = part('follow.binding'), part('follow.lifecycle'), part('follow.handle_follower').cache
     ob = make_strip(37)  # a size that no other test uses, whose binding isn't cached
     binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     assert cache.contents_under_way() and "Preparing (" in ob.detail_deform.status
@@ -333,8 +333,8 @@ def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
 
 
 def test_a_bind_in_the_background_notices_edits_deletion_unbinding_and_cancelling(part, as_in_a_window):
-    as_in_a_window('follow.life')  # without a window an operator waits for the bind, and no cancel is in time
-    binding, life = part('follow.binding'), part('follow.life')
+    as_in_a_window('follow.lifecycle')  # without a window an operator waits for the bind, and no cancel is in time
+    binding, life = part('follow.binding'), part('follow.lifecycle')
     changed, deleted, unbound, cancelled = (make_strip(n, name=str(n)) for n in (31, 32, 33, 61))
     for ob in (changed, deleted, unbound, cancelled):
         binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
@@ -350,7 +350,7 @@ def test_a_bind_in_the_background_notices_edits_deletion_unbinding_and_cancellin
 
 
 def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):
-    binding, life = part('follow.binding'), part('follow.life')
+    binding, life = part('follow.binding'), part('follow.lifecycle')
     ob = make_strip(83)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     for _ in range(3):

@@ -17,12 +17,12 @@ class Binding:
 
     def __init__(self, part, monkeypatch):
         self.ob, self._part, self._held = make_strip(SIDE), part, True
-        monkeypatch.setattr(part('follow.bound'), '_DRAFT_FROM', 10_000)
+        monkeypatch.setattr(part('follow.handle_follower'), '_DRAFT_FROM', 10_000)
         bind = part('library.native').Bind
         progress = bind.progress
         monkeypatch.setattr(bind, 'progress',
                             lambda job: (True, 0.4, 'BASE') if self._held else progress(job))
-        self.life, self.shown = part('follow.life'), part('follow.shown')
+        self.life, self.shown = part('follow.lifecycle'), part('follow.frame_results')
         self.begin()
 
     def begin(self, keep_rest=False, tries=3000):
@@ -66,7 +66,7 @@ class Binding:
 
 @pytest.fixture
 def binding(part, monkeypatch, as_in_a_window):
-    as_in_a_window('follow.bound', 'follow.life')
+    as_in_a_window('follow.handle_follower', 'follow.lifecycle')
     made = Binding(part, monkeypatch)
     yield made
     part('session').ended(part('session').Until.DISABLED)
@@ -252,9 +252,9 @@ def test_a_render_waits_for_the_result(binding, part, monkeypatch):
     ob = binding.ob
     draft = binding.bend()
     binding._held = False
-    monkeypatch.setattr(part('follow.life'), 'must_wait', lambda depsgraph: True)
+    monkeypatch.setattr(part('follow.lifecycle'), 'must_wait', lambda depsgraph: True)
     update()
-    part('follow.life').refresh(ob, bpy.context.evaluated_depsgraph_get())
+    part('follow.lifecycle').refresh(ob, bpy.context.evaluated_depsgraph_get())
     update()
     assert ob.detail_deform.is_bound and not binding.shows_draft()
     assert 1e-5 < np.abs(evaluated(ob) - draft).max() < 0.02
@@ -273,7 +273,7 @@ def test_no_draft_is_written_to_a_mesh_that_was_replaced(binding):
 
 
 def test_light_meshes_and_scripts_get_no_draft(part, as_in_a_window):
-    bound = part('follow.bound')
+    bound = part('follow.handle_follower')
     assert not bound._has_draft(10_000_000)
-    as_in_a_window('follow.bound')
+    as_in_a_window('follow.handle_follower')
     assert bound._has_draft(100_000) and not bound._has_draft(99_999)

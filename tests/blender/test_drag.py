@@ -15,9 +15,9 @@ from conftest import activate, bind, evaluated, make_strip, members, own, update
 @pytest.fixture
 def heavy(part, as_in_a_window):
     """A bound strip in a window, for which the add-on believes that a whole update takes a second."""
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     ob = bind(make_strip())
-    part('follow.bound').cache.find(ob.detail_deform.signature).full_ms = 1000.0
+    part('follow.handle_follower').cache.find(ob.detail_deform.signature).full_ms = 1000.0
     yield ob
     part('session').ended(part('session').Until.DISABLED)
 
@@ -44,7 +44,7 @@ def drag(part):
 def whole(part, ob, turn=-1.2, refine=None):
     """The shape that bend() gives with all passes that the settings ask for, or as many as `refine` says, by a deformer
     of the library that is made here."""
-    native, look = part('library.native'), part('follow.look')
+    native, look = part('library.native'), part('follow.update_options')
     rest, held, fixed = own(ob), members(ob, 'right'), ~members(ob, 'region')
     roles = np.where(held, 0, np.where(fixed, native.ROLE_FIXED, native.ROLE_FREE)).astype(np.int32)
     deformer = native.Bind(rest.astype(np.float32), part('scene.mesh_data').triangles(ob.data), roles, 1).finish()
@@ -67,7 +67,7 @@ def test_a_drag_shows_the_quick_result_and_then_the_whole_one(part, heavy, drag)
     quick = drag(heavy, -1.2)
     assert slow_results_under_way(part, heavy)
     assert heavy.detail_deform.status.startswith("Bound") and "quick" not in heavy.detail_deform.status
-    part('follow.life').settle(heavy)
+    part('follow.lifecycle').settle(heavy)
     update()
     arrived = evaluated(heavy)
     assert np.abs(arrived - quick).max() > 1e-3
@@ -76,7 +76,7 @@ def test_a_drag_shows_the_quick_result_and_then_the_whole_one(part, heavy, drag)
 
 
 def test_as_many_passes_as_there_is_time_for(part):
-    look = part('follow.look')
+    look = part('follow.update_options')
     told = {'method': 'TRANSFER', 'refine': 4, 'steps': 1}
     assert [look.quick(told, share)['refine'] for share in (1.0, 0.9, 0.5, 0.1)] == [4, 3, 1, 0]
     assert 'refine' not in look.quick({'method': 'NORMAL'}, 0.1)
@@ -102,20 +102,20 @@ def test_scripts_get_the_whole_result(part, heavy, times):
         moved = bend(heavy, -1.2 - 0.1 * number)
         assert not slow_results_under_way(part, heavy)
         assert np.abs(moved - whole(part, heavy, -1.2 - 0.1 * number)).max() < 1e-5
-        part('follow.bound').cache.find(heavy.detail_deform.signature).full_ms = 1000.0
+        part('follow.handle_follower').cache.find(heavy.detail_deform.signature).full_ms = 1000.0
 
 
 def test_a_light_mesh_is_shown_whole(part, heavy, drag):
-    part('follow.bound').cache.find(heavy.detail_deform.signature).full_ms = 20.0
+    part('follow.handle_follower').cache.find(heavy.detail_deform.signature).full_ms = 20.0
     moved = drag(heavy, -1.2)
     assert not slow_results_under_way(part, heavy)
     assert np.abs(moved - whole(part, heavy)).max() < 1e-5
 
 
 def test_a_dense_mesh_is_shown_whole_because_its_passes_cost_nothing(part, drag, as_in_a_window):
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     ob = bind(make_strip(180))
-    entry = part('follow.bound').cache.find(ob.detail_deform.signature)
+    entry = part('follow.handle_follower').cache.find(ob.detail_deform.signature)
     assert 1000 < entry.made.info.coarse_vertex_count < 0.6 * entry.made.info.free_count
     entry.full_ms = 1000.0
     moved = drag(ob, -1.2)
@@ -183,7 +183,7 @@ def expected(part, heavy, drag):
 
 def test_a_change_that_asks_for_bind_leaves_the_whole_result(part, heavy, expected):
     heavy.detail_deform.smoothness = 3
-    part('follow.life').check(heavy)
+    part('follow.lifecycle').check(heavy)
     update()
     assert heavy.detail_deform.stale
     assert np.abs(evaluated(heavy) - expected).max() < 1e-5
@@ -204,7 +204,7 @@ def test_a_pull_right_after_a_drag_starts_from_the_whole_result(part, heavy, exp
 
 def test_a_render_shows_the_whole_result(part, heavy, drag, monkeypatch):
     quick = drag(heavy, -1.2)
-    life = part('follow.life')
+    life = part('follow.lifecycle')
     monkeypatch.setattr(life, 'must_wait', lambda depsgraph: True)
     life.refresh(heavy, bpy.context.evaluated_depsgraph_get())
     update()
@@ -223,14 +223,14 @@ def test_apply_takes_the_whole_result(part, heavy, drag):
 # ---- binding in a window
 
 def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     ob = make_strip(120)  # large enough for each stage to be seen by the loop below
     part('follow.binding').bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
-    cache, stages = part('follow.bound').cache, set()
+    cache, stages = part('follow.handle_follower').cache, set()
     while cache.is_running(ob.detail_deform.signature):
         stages.add(cache.under_way(ob.detail_deform.signature).progress()[2])
     assert "preparing the first update" in stages
-    part('follow.life')._poll()
+    part('follow.lifecycle')._poll()
     assert ob.detail_deform.is_bound, ob.detail_deform.status
     moved = bend(ob, -1.2)
     assert np.abs(moved - whole(part, ob)).max() < 1e-5
@@ -239,9 +239,9 @@ def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
 
 @pytest.mark.parametrize('when', ["", "preparing the first update"])
 def test_a_bind_can_be_cancelled_in_either_half(part, as_in_a_window, when):
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     ob = make_strip(120)
-    binding, cache = part('follow.binding'), part('follow.bound').cache
+    binding, cache = part('follow.binding'), part('follow.handle_follower').cache
     binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     content = ob.detail_deform.signature
     while when and cache.under_way(content).progress()[2] != when:
@@ -249,7 +249,7 @@ def test_a_bind_can_be_cancelled_in_either_half(part, as_in_a_window, when):
     binding.cancel(ob)
     while cache.is_running(content):
         pass
-    part('follow.life')._poll()
+    part('follow.lifecycle')._poll()
     assert not ob.detail_deform.is_bound and "ancelled" in ob.detail_deform.status, ob.detail_deform.status
     assert cache.find(content) is None
     part('session').ended(part('session').Until.DISABLED)

@@ -320,7 +320,7 @@ def test_two_handles_with_one_empty_have_one_on_the_copy(pulled):
 def test_apply_first_in_the_mode_that_works_on_the_rest_shape(pulled, part, mode):
     activate(pulled)
     deformed = evaluated(pulled)
-    is_deformed = part('follow.shown').is_deformed
+    is_deformed = part('follow.frame_results').is_deformed
     bpy.ops.object.mode_set(mode=mode)
     assert is_deformed(pulled.data)
     assert bpy.ops.object.detail_deform_apply(mode='MESH') == {'FINISHED'}
@@ -348,7 +348,7 @@ def test_a_mode_that_blender_does_not_change_is_said(pulled):
 
 def test_at_rest_there_is_nothing_to_apply_first(part):
     ob = bind(make_strip())
-    assert not part('follow.shown').is_deformed(ob.data)
+    assert not part('follow.frame_results').is_deformed(ob.data)
     ob.detail_deform.handles[0].target.location.z += 0.1
     update()
-    assert part('follow.shown').is_deformed(ob.data)
+    assert part('follow.frame_results').is_deformed(ob.data)

@@ -132,7 +132,7 @@ def test_baked_weights_replace_earlier_keyframes(rigged, mode, part, monkeypatch
             setattr(owner, prop, weight)
             owner.keyframe_insert(prop, frame=frame)
     at(1)
-    refreshed, life = [], part('follow.life')
+    refreshed, life = [], part('follow.lifecycle')
     refresh = life.refresh
     monkeypatch.setattr(life, 'refresh', lambda *given, **more: (refreshed.append(1), refresh(*given, **more)))
     assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}

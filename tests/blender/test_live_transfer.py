@@ -150,7 +150,7 @@ def poll_until_ready(life):
 
 @pytest.fixture(autouse=True)
 def nothing_prepared_yet(part):
-    part('follow.fed').cache.clear()
+    part('follow.source_follower').cache.clear()
 
 
 @pytest.fixture
@@ -165,8 +165,8 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     """In the window a job prepares the transfer in the background and reports its progress; the target follows when it
     has ended."""
     source, target = alike
-    life = part('follow.life')
-    as_in_a_window('follow.life')
+    life = part('follow.lifecycle')
+    as_in_a_window('follow.lifecycle')
     assert live(source="Source") == {'FINISHED'}
     bend(source)
     assert factored.count == 0
@@ -190,8 +190,8 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
 
 def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
     source, target = alike
-    life = part('follow.life')
-    as_in_a_window('follow.life')
+    life = part('follow.lifecycle')
+    as_in_a_window('follow.lifecycle')
     live(source="Source")
     assert part('follow.live_transfer').is_preparing(target)
     live(on=False)
@@ -204,8 +204,8 @@ def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
 def test_a_failed_preparation_is_reported_and_not_tried_at_every_update(alike, part, as_in_a_window, monkeypatch):
     source, target = alike
     native = part('library.native')
-    life = part('follow.life')
-    as_in_a_window('follow.life')
+    life = part('follow.lifecycle')
+    as_in_a_window('follow.lifecycle')
     failing = Counted(native, native.NativeError("There is no memory left."))
     monkeypatch.setattr(native, 'TransferJob', failing.Job)
     live(source="Source")

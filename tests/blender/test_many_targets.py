@@ -329,7 +329,7 @@ def test_a_mesh_without_faces_is_named(source, targets):
 
 
 def test_factors_are_kept_and_shared_and_memory_is_bounded(source, targets, part, monkeypatch):
-    factored, prepared = part('follow.factored'), part('follow.prepared')
+    factored, prepared = part('follow.transfer_cache'), part('follow.prepared_transfer')
     made = []
 
     class Counted(prepared.Preparation):

@@ -20,7 +20,7 @@ def options(part):
 
 @pytest.fixture
 def look(part):
-    return part('follow.look')
+    return part('follow.update_options')
 
 
 @pytest.fixture

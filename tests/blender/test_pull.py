@@ -207,7 +207,7 @@ def begin(part):
     def run(ob, chosen):
         select(ob, chosen)
         stages = part('setup.pulling').Pull(bpy.context, ob).stages(wait=False, watch=True)
-        while not part('follow.bound').cache.contents_under_way():
+        while not part('follow.handle_follower').cache.contents_under_way():
             next(stages)
         return stages
     yield run

@@ -290,7 +290,7 @@ def test_library_missing_or_of_another_version(part, monkeypatch, tmp_path):
 
 
 def test_binding_from_a_file_without_the_library_is_reported(part, monkeypatch, tmp_path):
-    cache = part('follow.bound').cache
+    cache = part('follow.handle_follower').cache
     ob = bind(make_strip())
     cache.clear()
     monkeypatch.setattr(part('library.loading'), '_library', None)

@@ -226,7 +226,7 @@ def test_a_follower_is_known_with_its_copies(strip):
 def test_the_record_of_a_deleted_copy_is_forgotten(part):
     """With a base object or a source a record is as large as the mesh."""
     ob = bind(make_strip())
-    shown = part('follow.shown')
+    shown = part('follow.frame_results')
     known = len(shown._shown)
     for number in range(5):
         copy = ob.copy()

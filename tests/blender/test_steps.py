@@ -99,7 +99,7 @@ def test_apply_takes_the_result_in_steps(strip):
 def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     """In a window the quick result comes first, then the steps by a timer, for the last pose alone."""
     slow_results, token = part('follow.slow_results'), part('scene.offset_attribute').token
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     strip.detail_deform.steps = 5
     bend(strip, -60)
     quick = evaluated(strip)
@@ -134,7 +134,7 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
 def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip, part):
     """Two objects with the same content share a deformer: neither waits for the other's slow result."""
     native, slow_results = part('library.native'), part('follow.slow_results')
-    deformer = part('follow.bound').cache.find(strip.detail_deform.signature).made
+    deformer = part('follow.handle_follower').cache.find(strip.detail_deform.signature).made
     endless = {'method': 'VOLUMES', 'volume_tolerance': 1e-300, 'volume_iterations': 10**9}
 
     class Work:
@@ -194,7 +194,7 @@ def test_a_failure_while_steps_start_is_reported_and_ends_them(strip, part, as_i
         raise native.NativeError("There is no memory left.")
 
     monkeypatch.setattr(native.Deformer, 'update', fail)
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     strip.detail_deform.steps = 3
     bend(strip, -60)
     assert len(slow_results._requests) == 1

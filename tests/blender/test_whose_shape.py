@@ -93,7 +93,7 @@ def test_a_new_object_under_an_old_name(alike):
 def test_a_slow_result_goes_to_the_object_that_asked(alike, part, as_in_a_window):
     first, second = alike
     slow_results = part('follow.slow_results')
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     for ob in alike:
         ob.detail_deform.steps = 3
     lift(first, 0.5)
@@ -115,7 +115,7 @@ def test_a_slow_result_goes_to_the_object_that_asked(alike, part, as_in_a_window
 def test_a_slow_result_that_nobody_waits_for_ends(alike, part, as_in_a_window):
     first, _ = alike
     slow_results = part('follow.slow_results')
-    as_in_a_window('follow.life')
+    as_in_a_window('follow.lifecycle')
     first.detail_deform.steps = 3
     lift(first, 0.5)
     update()

@@ -132,7 +132,7 @@ def test_press_is_followed_by_a_label(folder):
 def test_progress_is_said_in_steps(part):
     ob = make_strip(n=60)
     assert bpy.ops.object.detail_deform_bind(wait=True) == {'FINISHED'}  # the library is loaded
-    words, bound = part('follow.words'), part('follow.bound')
+    words, bound = part('follow.messages'), part('follow.handle_follower')
     said = [words.step(stage) for stage in words.STEP_OF_STAGE]
     assert said[0] == "(1 of 3)" and set(said) == {"(1 of 3)", "(2 of 3)", "(3 of 3)"}
 
@@ -154,11 +154,11 @@ def test_every_stage_of_a_bind_has_its_step(part):
     for path in ('deform/deformer.cpp', 'base/bound_surface.cpp', 'solver/sparse_cholesky.h'):
         source = (sources / path).read_text(encoding='utf-8')
         stages.update(word.upper() for word in re.findall(r'Stage::(\w+)', source))
-    assert stages == set(part('follow.words').STEP_OF_STAGE)
+    assert stages == set(part('follow.messages').STEP_OF_STAGE)
 
 
 def test_each_subject_and_remedy_of_the_library_has_its_words(part):
-    words, structs = part('follow.words'), part('library.structs')
+    words, structs = part('follow.messages'), part('library.structs')
     assert set(words._SUBJECTS) == set(structs.SUBJECTS) - {'NONE'}
     assert set(words._REMEDIES) == set(structs.REMEDIES) - {'NONE', 'CALL', 'WAIT'}
 
@@ -177,7 +177,7 @@ def test_handles_and_examples_are_called_by_name(part):
     ob = make_strip()
     add_from(ob, own(ob)[:, 0] < 0.3)
     ob.detail_deform.examples.add().name = "Bent"
-    words, error = part('follow.words'), part('library.native').NativeError
+    words, error = part('follow.messages'), part('library.native').NativeError
     for message, subject, index, remedy, said in (
             ("flattens", 'HANDLE', 0, 'CALL', "Handle 'right' flattens."),
             ("has none", 'HANDLE', 1, 'ASSIGN_VERTICES', "Handle 'Handle' has none: give it at least one."),

@@ -6,7 +6,7 @@ import bpy
 
 from .. import timers
 from ..scene.window import redraw_panels
-from . import binding, bound, registry, words
+from . import binding, handle_follower, messages, registry
 
 _LIMIT_SECONDS = 0.5  # estimated time up to which an object is bound automatically; stated in the manual
 _SECONDS_A_VERTEX = 1e-5  # upper bound for the time in which Python reads a mesh and its groups
@@ -27,7 +27,7 @@ def _is_wanted(ob):
 
 def _seconds(ob):
     """Estimated time of a re-bind, from that of the last bind; infinite if that is unknown."""
-    entry = bound.cache.find(ob.detail_deform.signature)
+    entry = handle_follower.cache.find(ob.detail_deform.signature)
     if entry is None:
         return float('inf')
     info, count = entry.made.info, len(ob.data.vertices)
@@ -39,8 +39,8 @@ def _bind_again():
     for ob in filter(_is_wanted, registry.of_scene(bpy.context.evaluated_depsgraph_get())):
         try:
             binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=True)
-        except words.TOLD as problem:  # no report: the user may be in the middle of an edit
-            ob.detail_deform.problem = words.sentence(problem)
+        except messages.TOLD as problem:  # no report: the user may be in the middle of an edit
+            ob.detail_deform.problem = messages.sentence(problem)
     redraw_panels()
 
 

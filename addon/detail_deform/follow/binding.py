@@ -11,7 +11,7 @@ from ..scene import (carried, dependency, displayed, group_columns, handle_motio
                      renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
-from . import bound, content, hints, life, registry, roles
+from . import binding_content, handle_follower, hints, lifecycle, registry, roles
 
 
 def bind(ob, depsgraph, wait, keep_rest):
@@ -26,26 +26,27 @@ def bind(ob, depsgraph, wait, keep_rest):
     _check(ob)
     start.forget_foreign(ob)
     if keep_rest:
-        bound.carry_along(ob, depsgraph)
+        handle_follower.carry_along(ob, depsgraph)
     renamed_groups.update_names(ob)
     renamed_groups.store_names(ob)
     subject, topology = Subject(ob, depsgraph), mesh_data.topology_signature(ob.data)
     welded = split.WeldedMesh(ob, topology)
     found = roles.of(subject, group_columns.entries, welded)
-    options = content.options(subject) if subject.settings.base == 'COMPUTED' else None
+    options = binding_content.options(subject) if subject.settings.base == 'COMPUTED' else None
     _store_rests(subject, found.of_all, wait, keep_rest)
     subject = Subject(ob, depsgraph)
     if options is None:
-        options = content.options(subject)  # of the stored rest of a base object
-    signature = content.signature(content.shape_signature(subject, topology), found, options)
-    life.start(bound, signature, lambda: bound.begin(subject, signature, found, options, welded))
+        options = binding_content.options(subject)  # of the stored rest of a base object
+    signature = binding_content.signature(binding_content.shape_signature(subject, topology), found, options)
+    lifecycle.start(handle_follower, signature,
+                    lambda: handle_follower.begin(subject, signature, found, options, welded))
     _store(ob, signature)
     hints.of_region(ob, found, welded)  # memoized while the roles are at hand: reading groups is slow
-    if wait or bound.cache.find(signature):
-        life.finish(bound, signature)
-        life.refresh(ob, depsgraph, force=True)
-        life.take_in(ob, depsgraph.view_layer)
-    life.drop_unused()
+    if wait or handle_follower.cache.find(signature):
+        lifecycle.finish(handle_follower, signature)
+        lifecycle.refresh(ob, depsgraph, force=True)
+        lifecycle.take_in(ob, depsgraph.view_layer)
+    lifecycle.drop_unused()
 
 
 def _check(ob):
@@ -65,15 +66,15 @@ def _store_rests(subject, roles_of_vertices, wait, keep_rest):
     ob, settings = subject.ob, subject.settings
     poses = _poses(subject, roles_of_vertices, only_new=keep_rest)
     transforms = handle_transforms.local_transforms(subject, poses)
-    # The checks up to bound.refuse() leave the present binding when they raise.
+    # The checks up to handle_follower.refuse() leave the present binding when they raise.
     if not keep_rest or subject.has_new_handle:
         handle_motions.check_rest(subject, transforms)
     if settings.base == 'COMPUTED' and keep_rest and subject.has_new_handle:
-        if not wait and life.is_drafted(ob):
+        if not wait and lifecycle.is_drafted(ob):
             raise MeshProblem(f"'{ob.name}' is still being bound, and the added handle starts from the result: wait "
                               "for it, and bind then.")
-        life.settle(ob)  # the final result of the present pose is the new start
-    bound.refuse(ob, "")  # from here on an error leaves no binding
+        lifecycle.settle(ob)  # the final result of the present pose is the new start
+    handle_follower.refuse(ob, "")  # from here on an error leaves no binding
     if settings.base == 'OBJECT':
         # Blender evaluates a hidden base object only if a modifier depends on it.
         stack.ensure_modifier(ob)
@@ -94,7 +95,7 @@ def _store(ob, signature):
     """Stores the new binding, and shows its result from now on."""
     settings = ob.detail_deform
     settings.signature, settings.bound_points = signature, carried.sample_points(ob.data)
-    bound.note_handles(ob)
+    handle_follower.note_handles(ob)
     settings.begun_as = ob.name
     registry.forget()
     stack.ensure_modifier(ob)
@@ -212,14 +213,14 @@ def restore(ob, present):
 
 
 def cancel(ob):
-    """Cancels a bind under way; the timer of life.py then removes the incomplete binding."""
-    bound.cache.cancel(ob.detail_deform.signature)
+    """Cancels a bind under way; the timer of lifecycle.py then removes the incomplete binding."""
+    handle_follower.cache.cancel(ob.detail_deform.signature)
 
 
 def unbind(ob, keep_rest=False):
     """Removes the binding; the mesh shows its rest shape. keep_rest: the handles keep their home places as rest."""
     homes = [handle_rests.home_to_store(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
-    life.end(bound, ob)
+    lifecycle.end(handle_follower, ob)
     for handle, kept in zip(ob.detail_deform.handles, homes):
         handle.rest_matrix, handle.rest_euler, handle.rest_order = kept
 
@@ -227,7 +228,7 @@ def unbind(ob, keep_rest=False):
 def make_base_object(ob):
     """Makes an object of the computed base surface, which is the base from the next Bind on. Raises MeshProblem."""
     settings = ob.detail_deform
-    entry = bound.cache.find(settings.signature)
+    entry = handle_follower.cache.find(settings.signature)
     if entry is None or settings.stale or settings.base == 'OBJECT':
         raise MeshProblem("Set Base to Computed and press Bind first: that base is what becomes an object.")
     if start.has_previous_offsets(ob.data):

@@ -5,7 +5,7 @@ import bpy
 
 from .. import session, timers
 from ..scene.window import redraw_panels
-from . import bound, life, registry
+from . import handle_follower, lifecycle, registry
 
 # Without a further edit, before meshes are compared in the window: a paint stroke tags the mesh at every dab, a dragged
 # slider of a shape key at every step.
@@ -17,17 +17,17 @@ _ALL = None  # an entry that stands for all members: undo may change the address
 def note(members, edited):
     """Compares the members that a change of geometry affects. edited: data-blocks with changed geometry."""
     for ob in members:
-        others = life.kind_of(ob).others(ob)
-        if not life.is_known(ob) and (ob.data in edited or any(other.data in edited for other in others)):
+        others = lifecycle.kind_of(ob).others(ob)
+        if not lifecycle.is_known(ob) and (ob.data in edited or any(other.data in edited for other in others)):
             _edited(ob)  # not the object's own tag: it is set by any change of what its modifiers depend on
         base = ob.detail_deform.base_object
         if base and base.data in edited:
-            bound.check_base(ob)
+            handle_follower.check_base(ob)
 
 
 def _edited(ob):
     if bpy.app.background:
-        life.check(ob)
+        lifecycle.check(ob)
         return
     _to_compare.add(ob.as_pointer())
     _timer.restart()
@@ -37,8 +37,8 @@ def _compare():
     chosen = [ob for ob in registry.members() if _ALL in _to_compare or ob.as_pointer() in _to_compare]
     _to_compare.clear()
     for ob in chosen:
-        life.check(ob)
-    life.refresh_all(chosen, bpy.context.evaluated_depsgraph_get())
+        lifecycle.check(ob)
+    lifecycle.refresh_all(chosen, bpy.context.evaluated_depsgraph_get())
     redraw_panels()
 
 

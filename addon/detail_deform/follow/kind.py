@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The interface that life.py requires of each kind of follower. The kinds are the modules bound (meshes that follow
-their handles) and fed (meshes that follow a source by a transfer)."""
+"""The interface that lifecycle.py requires of each kind of follower. The kinds are the modules handle_follower, of
+meshes that follow their handles, and source_follower, of meshes that follow a source by a transfer."""
 
 from typing import Any, Protocol
 
 
 class Frame(Protocol):
     """The input of one update of an object: its handles' motions or its source's pose. They are read when the frame is
-    constructed, from a Subject, a deformer or transfer, and the shown.Shown of the last frame, or None."""
+    constructed, from a Subject, a deformer or transfer, and the frame_results.FrameResult of the last one, or None."""
     key: Any
     """Equal keys mean equal results."""
     is_hurried: bool
@@ -20,14 +20,14 @@ class Frame(Protocol):
         full update's; less than 1 may give a quicker, rougher result."""
 
     def written(self, record, wait):
-        """Called after the offsets were written to the mesh. record: their shown.Shown, which this completes. wait:
-        whether a slow result must be finished before this returns, as in a render."""
+        """Called after the offsets were written to the mesh. record: their frame_results.FrameResult, which this
+        completes. wait: whether a slow result must be finished before this returns, as in a render."""
 
 
 class Kind(Protocol):
     """One kind of follower."""
     cache: Any
-    """The made.Cache of its deformers or transfers, by content."""
+    """The job_cache.Cache of its deformers or transfers, by content."""
     Frame: type
     """See above."""
 

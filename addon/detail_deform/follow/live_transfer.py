@@ -8,7 +8,7 @@ from ..scene import (attribute_reaches, node_group, offset_attribute, partial_ev
                      stack, transferred)
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import forget_foreign
-from . import binding, fed, life, registry
+from . import binding, lifecycle, registry, source_follower
 
 
 def check_start(ob, source):
@@ -36,10 +36,10 @@ def start(context, ob, source, matched=None):
     Raises MeshProblem or native.NativeError; nothing is changed then."""
     settings, depsgraph = ob.detail_deform.transfer, context.evaluated_depsgraph_get()
     check_start(ob, source)
-    used, content = matched or fed.matched(source, ob), fed.content(source, ob, matched)
-    life.start(fed, content, lambda: fed.begin(source, ob, used))
-    if life.must_wait(depsgraph):
-        life.finish(fed, content)
+    used, content = matched or source_follower.matched(source, ob), source_follower.content(source, ob, matched)
+    lifecycle.start(source_follower, content, lambda: source_follower.begin(source, ob, used))
+    if lifecycle.must_wait(depsgraph):
+        lifecycle.finish(source_follower, content)
     if matched:
         saved_match.store(matched, source, ob)
         if matched.pairs_of != NEAREST:  # nearest points are found anew at each start
@@ -53,15 +53,15 @@ def start(context, ob, source, matched=None):
     registry.forget()
     node_group.set_base(modifier, source)  # so that a hidden source is evaluated, too
     binding.influence_changed(ob)
-    life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
-    life.drop_unused()
+    lifecycle.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+    lifecycle.drop_unused()
 
 
 def stop(ob):
     """The mesh shows its rest shape again."""
-    if not fed.has(ob):
+    if not source_follower.has(ob):
         return
-    life.end(fed, ob)
+    lifecycle.end(source_follower, ob)
     if not ob.detail_deform.handles:  # handles would need it at the next Bind
         node_group.remove_modifier(ob)
 
@@ -78,17 +78,17 @@ def state(ob):
     settings = ob.detail_deform.transfer
     if not settings.live:
         return settings.problem
-    job = fed.cache.under_way(settings.prepared_for)
+    job = source_follower.cache.under_way(settings.prepared_for)
     if job:
         _, fraction, _ = job.progress()
         source = settings.source.name if settings.source else ""
         return f"Preparing to follow '{source}', {100 * fraction:.0f}%."
     if settings.problem or settings.source is None:
-        return settings.problem or fed.GONE
+        return settings.problem or source_follower.GONE
     # The depsgraph as it is: this is drawn, and drawing must not evaluate the scene.
     depsgraph = bpy.context.view_layer.depsgraph
     left_out = partial_evaluation.left_out(settings.source, depsgraph) if depsgraph else ""
-    entry = fed.cache.find(settings.prepared_for)
+    entry = source_follower.cache.find(settings.prepared_for)
     unfollowed = entry.made.unfollowed if entry else ""
     return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, unfollowed,
                                   ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob),
@@ -96,4 +96,4 @@ def state(ob):
 
 
 def is_preparing(ob):
-    return fed.cache.under_way(ob.detail_deform.transfer.prepared_for) is not None
+    return source_follower.cache.under_way(ob.detail_deform.transfer.prepared_for) is not None

@@ -4,7 +4,7 @@
 import threading
 
 from ..library import native
-from .composed import Deformer
+from .composed_deformer import Deformer
 
 
 class PartsJob:

@@ -4,7 +4,7 @@
 import numpy as np
 
 from .. import session
-from . import bound
+from . import handle_follower
 
 # Findings that native.Deformer.info counts, and of which the status names an example.
 _FINDINGS = ('RESTING', 'LOOSE', 'FAR', 'TORN', 'DEGENERATE', 'UNREPRESENTED')
@@ -28,8 +28,8 @@ def _of_refusal(ob):
 def _findings(ob):
     """(deformer, its findings that the status reports); (None, ()) if the status reports a problem instead."""
     settings = ob.detail_deform
-    entry = bound.cache.find(settings.signature)
-    if entry is None or settings.stale or settings.problem or not bound.is_for(ob, entry):
+    entry = handle_follower.cache.find(settings.signature)
+    if entry is None or settings.stale or settings.problem or not handle_follower.is_for(ob, entry):
         return None, ()
     info = entry.made.info
     return entry.made, [finding for finding in _FINDINGS if getattr(info, f'{finding.lower()}_count')

@@ -2,7 +2,7 @@
 """Handles with a reach of their own: the binding consists of a part for each reach.
 
 The handles of a reach are bound by themselves, to the part of the mesh around its vertices. Handles without a reach
-form the first part, which is bound to the region. composed.py combines the parts into one surface.
+form the first part, which is bound to the region. composed_deformer.py combines the parts into one surface.
 """
 
 import contextlib

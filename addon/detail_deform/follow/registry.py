@@ -11,7 +11,7 @@ import bpy
 from .. import session
 from ..scene import mesh_data, node_group, world_transforms
 from ..scene.mesh_data import MeshProblem
-from . import shown
+from . import frame_results
 
 
 class _Known:
@@ -42,7 +42,7 @@ def members():
     if known is None or uses != _known.uses or not all(map(_is_there, known)):
         known = [ob for ob in bpy.data.objects if _is_member(ob)]
         _known.members, _known.uses = known, uses
-        shown.keep(ob.data for ob in known)  # the record of a deleted mesh may hold megabytes
+        frame_results.keep(ob.data for ob in known)  # the record of a deleted mesh may hold megabytes
     return [ob for ob in known if _is_member(ob)]
 
 

@@ -5,7 +5,7 @@ from ..library import native
 from ..scene import offset_attribute
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
-from . import placed, registry, shown, slow_results, words
+from . import frame_results, messages, registry, slow_results, written_offsets
 
 # Without a further move of the handles, before the work starts: on a slow result, and on refinement that a drag has
 # left out. A drag moves the handles many times a second.
@@ -41,16 +41,17 @@ class SlowUpdate:
 
     def deliver(self, offsets, info):
         # Copies of a mesh have the same token.
-        quick = [(ob, shown.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
+        quick = [(ob, frame_results.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
         for ob, record in quick:
             if record is not None:
-                shown.show_slow(ob.data, placed.offsets(Subject(ob), offsets, self.deformer.fades), record, info)
+                slow = written_offsets.offsets(Subject(ob), offsets, self.deformer.fades)
+                frame_results.show_slow(ob.data, slow, record, info)
         redraw_panels()
 
     def refuse(self, error):
         """error: a native.NativeError."""
         for ob in self._owners():
-            record, problem = shown.by(ob.data), words.said(ob, error)
+            record, problem = frame_results.by(ob.data), messages.said(ob, error)
             if record is not None:
                 record.problem = problem
             ob.detail_deform.problem = problem

@@ -5,7 +5,7 @@ import bpy
 
 from ..scene import attribute_reaches, carried, examples, node_group, offset_attribute, posers, proportions, stack
 from ..scene.subject import enabled_handles
-from . import bound, hints, look, shown, slow_results, words
+from . import frame_results, handle_follower, hints, messages, slow_results, update_options
 
 
 # Ratio of the largest to the smallest change of scale since Bind, among all directions: the factor by which a turn of
@@ -15,16 +15,16 @@ _UNEVEN = 1.05
 
 def is_bound(ob):
     settings = ob.detail_deform
-    return bool(settings.signature and not settings.stale and bound.cache.find(settings.signature))
+    return bool(settings.signature and not settings.stale and handle_follower.cache.find(settings.signature))
 
 
 def bind_ms(ob):
-    entry = bound.cache.find(ob.detail_deform.signature)
+    entry = handle_follower.cache.find(ob.detail_deform.signature)
     return 1e3 * entry.made.info.bind_seconds if entry else 0.0
 
 
 def update_ms(ob):
-    entry = bound.cache.find(ob.detail_deform.signature)
+    entry = handle_follower.cache.find(ob.detail_deform.signature)
     return entry.update_ms if entry else 0.0
 
 
@@ -42,7 +42,7 @@ def weights_are_found(ob):
 
 def example_weights(ob):
     """The weights of the enabled examples in the shown pose; empty if unknown."""
-    record = shown.by(ob.data)
+    record = frame_results.by(ob.data)
     return record.example_weights if record else ()
 
 
@@ -54,7 +54,7 @@ def text(ob):
 def harmless(ob):
     """A finding that needs no action: a sentence, or ''."""
     settings = ob.detail_deform
-    entry = bound.cache.find(settings.signature)
+    entry = handle_follower.cache.find(settings.signature)
     if entry is None or settings.stale or settings.problem or not entry.made.info.degenerate_count:
         return ""
     info = entry.made.info
@@ -65,13 +65,13 @@ def harmless(ob):
 def urgent(ob):
     """The status without harmless()."""
     settings = ob.detail_deform
-    under_way = bound.cache.under_way(settings.signature)
+    under_way = handle_follower.cache.under_way(settings.signature)
     if under_way:
         if under_way.cancelled:
             return "Cancelling."
         _, fraction, stage = under_way.progress()
-        parts = [f"Preparing {words.step(stage)}, {100 * fraction:.0f}%."]
-        if shown.is_draft(ob.data) and bound.cache.draft(settings.signature):
+        parts = [f"Preparing {messages.step(stage)}, {100 * fraction:.0f}%."]
+        if frame_results.is_draft(ob.data) and handle_follower.cache.draft(settings.signature):
             parts.append("Meanwhile a draft follows the handles.")
         return ' '.join(parts)
     if settings.transfer.live:
@@ -85,7 +85,7 @@ def urgent(ob):
         return f"Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle{also}."
     if not settings.signature:
         return "Not bound."
-    entry = bound.cache.find(settings.signature)
+    entry = handle_follower.cache.find(settings.signature)
     if entry is None:
         return "Bound; the handles will be followed again after the next update."
     return ' '.join([_summary(settings, entry.made.info), *_remarks(ob, entry.made.info)])
@@ -108,9 +108,9 @@ def _shown_slow(ob):
     """Generator of sentences: whether the quick or the slow result is shown, and how exact the slow one is."""
     settings = ob.detail_deform
     what = "by Displacement Volumes" if settings.method == 'VOLUMES' else ""
-    if look.steps(settings) > 1:
+    if update_options.steps(settings) > 1:
         what = f"{what} in {settings.steps} steps".strip()
-    done, record = slow_results.progress(offset_attribute.token(ob.data)), shown.by(ob.data)
+    done, record = slow_results.progress(offset_attribute.token(ob.data)), frame_results.by(ob.data)
     if done is not None:
         yield f"A quick result is shown; the one {what} is being computed, {100 * done:.0f}%."
     elif record is None or not record.is_final:
@@ -201,7 +201,7 @@ def _remarks(ob, info):
     if settings.influence and settings.influence in {*ob.data.attributes.keys(), 'position', 'normal', 'index', 'id'}:
         yield (f"The influence group '{settings.influence}' has the name of an attribute, which is taken in its place: "
                "rename the group.")
-    if look.is_slow(settings):
+    if update_options.is_slow(settings):
         yield from _shown_slow(ob)
     if settings.method == 'NORMAL' and info.unrepresented_count:
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
@@ -222,7 +222,7 @@ def _remarks(ob, info):
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
         yield "Gradient Editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':
-        record = shown.by(ob.data)
+        record = frame_results.by(ob.data)
         moved = record.only_moved if record else ()
         if moved:
             yield (f"Gradient Editing turns nothing where a handle is only moved, as {_names(moved)} "

@@ -5,7 +5,7 @@ import time
 
 import bpy
 
-from ..follow import words
+from ..follow import messages
 from ..scene import handle_owners, mesh_data
 
 _TICK_SECONDS = 0.05  # interval of the timer, and the time for work in each call: 20 redraws a second
@@ -39,8 +39,8 @@ class MeshOperator:
         try:
             self.check_usable(ob)
             result = self.run(context, ob) or {'FINISHED'}
-        except words.TOLD as problem:
-            self.report({'ERROR'}, words.said(ob, problem))
+        except messages.TOLD as problem:
+            self.report({'ERROR'}, messages.said(ob, problem))
             return {'CANCELLED'}
         if context.active_object and context.active_object.mode == 'EDIT':
             # An undo step in Edit Mode stores the mesh alone, unless data-blocks were added or removed. Undo must
@@ -131,8 +131,8 @@ class LongOperator(MeshOperator):
             self._progress.show(context, self.task, done)
         except StopIteration:
             return self._end(context, {'FINISHED'})
-        except words.TOLD as problem:
-            self.report({'ERROR'}, words.sentence(problem))
+        except messages.TOLD as problem:
+            self.report({'ERROR'}, messages.sentence(problem))
             return self._end(context)
         except Exception:
             self._end(context)

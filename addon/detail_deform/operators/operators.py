@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ..follow import binding, life, live_transfer, registry, slow_results, status
+from ..follow import binding, lifecycle, live_transfer, registry, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import apply_result, mesh_data, node_group, offset_attribute, saved_match, selection, stack
@@ -116,9 +116,9 @@ class OBJECT_OT_detail_deform_update(HandleEmptyOperator, bpy.types.Operator):
         settings = ob.detail_deform
         if not settings.signature:
             raise mesh_data.MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
-        life.check(ob)
+        lifecycle.check(ob)
         binding.show_again(ob)
-        life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+        lifecycle.refresh(ob, context.evaluated_depsgraph_get(), force=True)
         if settings.stale or settings.problem:
             raise mesh_data.MeshProblem(status.text(ob))
 
@@ -133,7 +133,7 @@ def _settle_what_is_seen(ob):
     if modifier and not modifier.show_viewport:
         raise mesh_data.MeshProblem("The modifier is hidden, so there is nothing to see that could be applied: "
                                     "show it in the viewport first.")
-    life.settle(ob)
+    lifecycle.settle(ob)
 
 
 class OBJECT_OT_detail_deform_save_key(HandleEmptyOperator, bpy.types.Operator):

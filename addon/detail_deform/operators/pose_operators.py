@@ -5,7 +5,7 @@ and detail_deform_example..."""
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
-from ..follow import life
+from ..follow import lifecycle
 from ..results import missing_examples, pose_frames, posed_examples
 from ..scene import mesh_data, posers
 from .operator_base import LongOperator, MeshOperator
@@ -83,7 +83,7 @@ class OBJECT_OT_detail_deform_examples_from_poses(_OfPoses, bpy.types.Operator):
         names, changing = yield from posed_examples.add(
             context, ob, poses, self.count if self.frames == 'DIFFERENT' else 0)
         off = posers.switch_off(ob) if self.switch_off else []
-        life.check(ob)
+        lifecycle.check(ob)
         told = [f"{len(names):,} {'example' if len(names) == 1 else 'examples'} added"]
         told += [f"{_listed(off)} switched off"] * bool(off)
         self.report({'INFO'}, '; '.join(told))
@@ -142,7 +142,7 @@ class OBJECT_OT_detail_deform_example_add_missing(MeshOperator, bpy.types.Operat
         settings = ob.detail_deform
         index = min(self.index if self.index >= 0 else settings.missing_index, len(settings.missing_examples) - 1)
         name = missing_examples.add(context, ob, index)
-        life.check(ob)
+        lifecycle.check(ob)
         self.report({'INFO'}, f"Example '{name}' added")
 
 

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from .. import session
-from ..follow import words
+from ..follow import messages
 from ..library.options import FALLOFFS
 from ..scene import handle_owners, mesh_data, stack
 from ..scene.selection import activate
@@ -97,8 +97,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
                     pulling.earlier_handles(ob, len(ob.detail_deform.handles)), event, self.stay, self.falloff)
             else:
                 self._begin(context, ob)
-        except words.TOLD as problem:
-            self.report({'ERROR'}, words.sentence(problem))
+        except messages.TOLD as problem:
+            self.report({'ERROR'}, messages.sentence(problem))
             return {'CANCELLED'}
         context.window_manager.modal_handler_add(self)
         _under_way.append(self)
@@ -123,8 +123,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             return {'PASS_THROUGH'}
         try:
             return self._work(context, event) if self._stages else self._choose(context, event)
-        except words.TOLD as problem:
-            self.report({'ERROR'}, words.sentence(problem))
+        except messages.TOLD as problem:
+            self.report({'ERROR'}, messages.sentence(problem))
             return self._end(context, {'CANCELLED'})
         except Exception:
             self._end(context, None)

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..follow import hints, life
+from ..follow import hints, lifecycle
 from ..scene import handle_owners, handle_rests, mesh_data
 from ..scene.selection import activate, go_to
 from ..setup import at_rest, handle_setup, mirroring, own_empties, region_setup
@@ -75,7 +75,7 @@ class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator)
         settings, index = ob.detail_deform, self.chosen_index(ob)
         handle_setup.remove_handles(ob, [index])
         settings.handle_index = max(0, min(index, len(settings.handles) - 1))
-        life.check(ob)
+        lifecycle.check(ob)
 
 
 class OBJECT_OT_detail_deform_handle_select(_HandleOperator, bpy.types.Operator):

@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ..declared import declare
-from ..follow import factored, live_transfer
+from ..follow import live_transfer, transfer_cache
 from ..library.options import NEAREST, TRANSFER_SETTINGS
 from ..results import transfer, transfer_table
 from ..scene import correspondence, files, mesh_data, saved_match
@@ -78,7 +78,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
         source = _source_of(ob, self.source)
         wanted = self.request(context, source, SimpleNamespace(**self._as_in_panel(ob.detail_deform.transfer)),
                               cache_path=self.cache_path)
-        factored.begin_run()
+        transfer_cache.begin_run()
         return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))
 
     def _as_in_panel(self, settings):

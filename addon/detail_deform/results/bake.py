@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes the deformation of a range of frames to a cache or shape keys, which play without the add-on."""
 
-from ..follow import life
+from ..follow import lifecycle
 from ..scene import carried, mesh_data, node_group, offset_attribute, partial_evaluation, stack
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyframed_shape_keys, point_cache
@@ -38,7 +38,7 @@ def modifier_of(ob):
 
 def over_frames(context, ob, start, end):
     """As frames.walk(), for a bound object. Raises MeshProblem at a frame that it can't follow."""
-    life.wait(ob, context.evaluated_depsgraph_get())
+    lifecycle.wait(ob, context.evaluated_depsgraph_get())
     settings, shown = ob.detail_deform, offset_attribute.read(ob.data)
     try:
         for frame in frames.walk(context, ob, start, end):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Steps through a range of frames, and updates followers in each."""
 
-from ..follow import life
+from ..follow import lifecycle
 from ..scene.mesh_data import MeshProblem
 
 
@@ -20,8 +20,8 @@ def check_time(scene):
 def settle(context, ob):
     """Updates a bound object to the present pose of its handles, and waits for slow results."""
     if ob.detail_deform.signature:
-        life.refresh(ob, context.evaluated_depsgraph_get())
-        life.settle(ob)
+        lifecycle.refresh(ob, context.evaluated_depsgraph_get())
+        lifecycle.settle(ob)
         context.view_layer.update()
 
 

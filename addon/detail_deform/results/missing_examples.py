@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from .. import session
-from ..follow import binding, bound, life, look, placed, roles
+from ..follow import binding, handle_follower, lifecycle, roles, update_options, written_offsets
 from ..library import native
 from ..scene import posers, start
 from ..scene.mesh_data import MeshProblem
@@ -39,7 +39,7 @@ def find(context, ob, poses):
     latter has the poses that deserve an example, the worst first. A pose that is nearer to one of these than its own
     error is left out, as that example would serve it, too. Raises MeshProblem."""
     check(ob)
-    life.wait(ob, context.evaluated_depsgraph_get())
+    lifecycle.wait(ob, context.evaluated_depsgraph_get())
     if ob.detail_deform.stale or ob.detail_deform.problem:
         raise MeshProblem(ob.detail_deform.stale or ob.detail_deform.problem)
     by_handles, samples, found = _ByHandles(ob), Samples(ob, len(poses)), []
@@ -84,15 +84,15 @@ class _ByHandles:
 
     def __init__(self, ob):
         subject, settings = Subject(ob), ob.detail_deform
-        self._subject, self._deformer = subject, bound.cache.find(settings.signature).made
+        self._subject, self._deformer = subject, handle_follower.cache.find(settings.signature).made
         of_all = roles.of(subject).of_all
         self._parts = [np.flatnonzero(of_all == number) for number in range(len(subject.handles))]
         self._free, self._is_free = subject.are_free, of_all == native.ROLE_FREE
-        arguments = look.asked(settings)
+        arguments = update_options.asked(settings)
         arguments.pop('example_weights', None)
-        self._update_arguments = bound.with_free(look.quick(arguments), subject)
+        self._update_arguments = handle_follower.with_free(update_options.quick(arguments), subject)
         if self._deformer.fades:
-            self._update_arguments['soft_border'] = look.soft_border(settings)
+            self._update_arguments['soft_border'] = update_options.soft_border(settings)
         self._bound, self._rest = start.shape(ob).astype(np.float64), start.undeformed_shape(ob)
 
     def errors(self, positions):
@@ -103,7 +103,7 @@ class _ByHandles:
             motions[number] = np.eye(4)[:3]
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
         motions = self._subject.space.motions(motions)
-        found = placed.offsets(self._subject, self._deformer.offsets(motions, **self._update_arguments),
+        found = written_offsets.offsets(self._subject, self._deformer.offsets(motions, **self._update_arguments),
                                self._deformer.fades)
         return np.linalg.norm(self._rest + found.reshape(-1, 3) - positions, axis=1)[self._is_free]
 

@@ -5,7 +5,7 @@ import dataclasses
 import time
 from types import SimpleNamespace
 
-from ..follow import factored, placed, prepared
+from ..follow import prepared_transfer, transfer_cache, written_offsets
 from ..library.options import CORRESPONDENCES
 from ..scene import correspondence, mesh_data, partial_evaluation, saved_match, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
@@ -88,13 +88,13 @@ def _matched_and_carried(context, source, target, keys, request):
     factored_at = searched + _SHARE_OF_FACTOR * (1 - searched)
     search = matching.find(settings.correspondence, source, target, settings.filepath, settings.pairs_of)
     matched = yield from subprogress(search, 0, searched)
-    transfer = yield from subprogress(factored.prepare(source, target, matched, settings), searched, factored_at)
+    transfer = yield from subprogress(transfer_cache.prepare(source, target, matched, settings), searched, factored_at)
     outcome = yield from subprogress(
         _carry(context, _SeamClosingTransfer(transfer, target), source, target, keys, request), factored_at, 1)
     if matching.needs_search(settings.correspondence):
         saved_match.store(matched, source, target)
     outcome.matched_by = _TITLES[settings.correspondence]
-    outcome.remarks += prepared.remarks(transfer)
+    outcome.remarks += prepared_transfer.remarks(transfer)
     left_out = partial_evaluation.left_out(source, context.evaluated_depsgraph_get()) if keys is None else ""
     if left_out:
         outcome.remarks.append(left_out)
@@ -103,14 +103,14 @@ def _matched_and_carried(context, source, target, keys, request):
 
 
 class _SeamClosingTransfer:
-    """A prepared.Prepared whose results keep the target's seams closed (placed.Closing)."""
+    """A prepared_transfer.Prepared whose results keep the target's seams closed (written_offsets.Closing)."""
 
     def __init__(self, transfer, target):
         self._transfer, self.wide, self._rest = transfer, transfer.wide, mesh_data.rest_positions(target.data)
-        self._closing = placed.Closing(target)
+        self._closing = written_offsets.Closing(target)
 
     def apply(self, pose, rotation_only):
-        """As prepared.Prepared.apply()."""
+        """As prepared_transfer.Prepared.apply()."""
         moved = self._transfer.apply(pose, rotation_only)
         offsets = (moved - self._rest).ravel()
         closed = self._closing.of(offsets)

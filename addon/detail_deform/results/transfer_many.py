@@ -3,7 +3,7 @@
 
 import contextlib
 
-from ..follow import factored, words
+from ..follow import messages, transfer_cache
 from ..scene.mesh_data import MeshProblem
 from . import transfer, transfer_table
 
@@ -14,15 +14,15 @@ def begin(context, source, rows, request_of, heading, tell):
 
     rows: transfer_table.Row of each target; outcome or failure is filled in. request_of: a function that returns the
     TransferRequest of a target. heading: of the table. tell: called with the name and number of each target."""
-    factored.begin_run()
+    transfer_cache.begin_run()
     try:
         for number, row in enumerate(rows):
             tell(f"'{row.name}', {number + 1} of {len(rows)}")
             work = _one(context, source, row, request_of)
             try:
                 row.outcome = yield from transfer.subprogress(work, number / len(rows), (number + 1) / len(rows))
-            except words.TOLD as problem:
-                row.failure = words.sentence(problem)
+            except messages.TOLD as problem:
+                row.failure = messages.sentence(problem)
     finally:
         if transfer_table.any_begun(rows):
             transfer_table.write(source, heading, rows)

@@ -5,7 +5,7 @@ import fnmatch
 
 import bpy
 
-from ..follow import words
+from ..follow import messages
 from ..library import native
 from ..scene import mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
@@ -120,7 +120,7 @@ def _shapes(prepared, source, target, keys, target_names, rotation_only):
                 source_pose.check_extent(source, shape)
                 offsets[key.name] = _offset(prepared, target, shape, rotation_only)
         except (MeshProblem, native.NativeError) as error:
-            left_out[key.name] = words.sentence(error).rstrip('.')
+            left_out[key.name] = messages.sentence(error).rstrip('.')
         yield number / len(keys)
     if not offsets:
         raise MeshProblem(f"No shape key could be transferred: {reasons(left_out)}.")

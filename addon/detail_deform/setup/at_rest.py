@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
-from ..follow import binding, life
+from ..follow import binding, lifecycle
 from ..scene import displayed, handle_rests, handle_transforms, mesh_data, skin, world_transforms
 from ..scene.subject import with_empties
 from . import empties
@@ -22,7 +22,7 @@ def bring_back(context, ob):
     _make_empties(context, ob, [handle for handle in lost if handle.target is None])
     empties.put_in_place(context, ob, [(handle.target, None) for handle in lost])
     binding.targets_changed(ob)
-    life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+    lifecycle.refresh(ob, context.evaluated_depsgraph_get(), force=True)
 
 
 def _make_empties(context, ob, handles):

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..follow import life
+from ..follow import lifecycle
 from ..scene import displayed, handle_rests, handle_transforms, mesh_data, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
 from . import empties
@@ -155,7 +155,7 @@ def assign(ob, handle):
         raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
     handle.own_group = selection.fill_own_group(
         ob, handle.own_group, not shares_group(ob, handle, handle.own_group), handle.name, chosen)
-    life.check(ob)
+    lifecycle.check(ob)
     if handle.vertex_group != handle.own_group:
         handle.vertex_group = handle.own_group
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..follow import binding, bound, registry
+from ..follow import binding, handle_follower, registry
 from ..library.options import FALLOFF_ORDERS
 from ..scene import mesh_data, mirror_plane, node_group, selection
 from ..scene.mesh_data import MeshProblem
@@ -149,9 +149,9 @@ class Pull:
     def _until_bound(self):
         settings = self._ob.detail_deform
         content = settings.signature
-        while bound.cache.under_way(content):
-            yield bound.cache.under_way(content).progress()[1]
-        if settings.signature != content or bound.cache.find(content) is None:
+        while handle_follower.cache.under_way(content):
+            yield handle_follower.cache.under_way(content).progress()[1]
+        if settings.signature != content or handle_follower.cache.find(content) is None:
             raise MeshProblem(settings.problem)
 
     def _undo(self, region, earlier):
@@ -165,7 +165,7 @@ class Pull:
         ob, settings = self._ob, self._ob.detail_deform
         if earlier:
             if settings.signature not in earlier.state:  # this Pull has begun to bind
-                bound.cache.let_go(settings.signature)
+                handle_follower.cache.let_go(settings.signature)
             settings.signature = ""  # so that nothing is compared with the lost binding
         handle_setup.remove_handles(ob, range(self._count, len(settings.handles)))
         if region:

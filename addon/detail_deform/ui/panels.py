@@ -4,7 +4,7 @@
 import bpy
 
 from ..declared import COMPARED
-from ..follow import bound, hints, look, problem_vertices, shown, slow_results, status
+from ..follow import frame_results, handle_follower, hints, problem_vertices, slow_results, status, update_options
 from ..scene import handle_owners, node_group, offset_attribute, stack
 from . import examples_panel
 from .parts import ModifierPanel, ToggleListMixin, draw_options, draw_text
@@ -26,7 +26,7 @@ def draw_state(layout, context, ob):
     """Draws the status, and the buttons for what can be done now."""
     settings = ob.detail_deform
     wrong = settings.stale or settings.problem
-    under_way = bound.cache.under_way(settings.signature)
+    under_way = handle_follower.cache.under_way(settings.signature)
     box = layout.box()
     icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
             'LINKED' if settings.is_bound else 'UNLINKED')
@@ -40,7 +40,7 @@ def draw_state(layout, context, ob):
         layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
     if settings.signature and hints.gone_empties(ob, bpy.context.view_layer.depsgraph):
         layout.operator('object.detail_deform_bring_back', icon='LOOP_BACK')
-    if ob.mode in _WORKS_AT_REST and shown.is_deformed(ob.data):
+    if ob.mode in _WORKS_AT_REST and frame_results.is_deformed(ob.data):
         column = layout.column(align=True)
         draw_text(column, context, _WORKS_AT_REST[ob.mode], 'INFO')
         column.operator('object.detail_deform_apply', text="Apply First", icon='CHECKMARK').mode = 'MESH'
@@ -52,7 +52,7 @@ def draw_state(layout, context, ob):
         return
     if node_group.find_cache(ob):
         return
-    if look.is_slow(settings) and slow_results.progress(offset_attribute.token(ob.data)) is not None:
+    if update_options.is_slow(settings) and slow_results.progress(offset_attribute.token(ob.data)) is not None:
         row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
     if ob.mode == 'EDIT':
         layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
@@ -199,7 +199,7 @@ class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        why_not = look.why_no_base(settings)
+        why_not = update_options.why_no_base(settings)
         if why_not:
             layout.active = False
             draw_text(layout, context, why_not, 'INFO')

@@ -68,7 +68,8 @@ def _text(value):
 
 def parts_to_bind(subject, roles, welded, triangles, hung_ones):
     """[reaches.Part] in the subject's space. roles: roles.Roles. welded: the object's split.WeldedMesh. triangles: of
-    its mesh. hung_ones: of roles.hung(); these vertices are fixed here, and follow the deformed surface (placed.py)."""
+    its mesh. hung_ones: of roles.hung(); these vertices are fixed here, and follow the deformed surface: see
+    written_offsets.py."""
     positions, triangles = subject.space.to(start.shape(subject.ob)), welded.representatives(triangles)
     surface, found = reaches.Surface(positions, triangles), []
     for part in roles.parts:

@@ -5,13 +5,13 @@ automatically."""
 from ..library.options import NEAREST
 from ..scene import correspondence, mesh_data, mirror_plane, saved_match, source_pose
 from ..scene.mesh_data import MeshProblem
-from . import made, placed, prepared
+from . import job_cache, prepared_transfer, written_offsets
 
 GONE = "The source was deleted: choose another one in Source, or press Follow to stop."
 _NO_MESH = "The source is no mesh: choose another one in Source, or press Follow to stop."
 _NOT_SHOWN = "Its modifier was removed or applied by hand: press Follow to stop, and again to go on."
 
-cache = made.Cache(spare=2)  # of prepared.Prepared
+cache = job_cache.Cache(spare=2)  # of prepared_transfer.Prepared
 
 
 def has(ob):
@@ -69,7 +69,7 @@ def content(source, ob, to_keep=None):
     if to_keep:
         how, kept, worn = 'STORED', correspondence.digest_of(to_keep), to_keep.relative_transform is not None
     by = 'TOPOLOGY' if how == 'TOPOLOGY' else f"STORED.{kept}"
-    return prepared.content(source, ob, by, of, worn)
+    return prepared_transfer.content(source, ob, by, of, worn)
 
 
 def _owner(ob):
@@ -128,7 +128,7 @@ def begin(source, ob, used):
     """The job that prepares the transfer. used: the correspondence."""
     of = ob.detail_deform.transfer
     # Single precision is what a viewport shows, and takes half the time.
-    return prepared.Preparation(source, ob, used, of, precision='SINGLE')
+    return prepared_transfer.Preparation(source, ob, used, of, precision='SINGLE')
 
 
 def job(ob):
@@ -178,8 +178,8 @@ class Frame:
     is_hurried = is_draft = False
 
     def offsets(self, share):
-        moved = self._transfer.apply(self._pose, self._rotation_only)
-        return placed.followed(self._ob, self.key[0], (moved - mesh_data.rest_positions(self._ob.data)).ravel())
+        moved = self._transfer.apply(self._pose, self._rotation_only) - mesh_data.rest_positions(self._ob.data)
+        return written_offsets.followed(self._ob, self.key[0], moved.ravel())
 
     def written(self, record, wait):
         pass

@@ -13,7 +13,7 @@ from .. import session
 from ..scene import offset_attribute, start
 
 
-class Shown:
+class FrameResult:
     """A result that was written to a mesh, and what panels say about it."""
 
     def __init__(self, key):
@@ -42,7 +42,7 @@ _shown = session.kept({}, session.Until.REPLACED)  # by token: after undo, meshe
 
 
 def by(mesh):
-    """The Shown of the mesh, or None if its offsets were not written here."""
+    """The FrameResult of the mesh, or None if its offsets were not written here."""
     return _shown.get(offset_attribute.token(mesh))
 
 
@@ -54,15 +54,15 @@ def is_draft(mesh):
 
 def show(mesh, offsets, key):
     """Writes a result, unless the mesh has the same offsets already, so that Blender needn't evaluate it again. Returns
-    its Shown."""
+    its FrameResult."""
     present = by(mesh)
     if present is not None and present.key == key and np.array_equal(offset_attribute.read(mesh).ravel(), offsets):
-        return _note(offset_attribute.token(mesh), offsets, Shown(key))
-    return _write(mesh, offsets, Shown(key))
+        return _note(offset_attribute.token(mesh), offsets, FrameResult(key))
+    return _write(mesh, offsets, FrameResult(key))
 
 
 def show_slow(mesh, offsets, quick, info):
-    """Replaces the quick result, whose Shown is given, by the slow one."""
+    """Replaces the quick result, whose FrameResult is given, by the slow one."""
     slow = copy.copy(quick)
     slow.is_final, slow.is_hurried, slow.slow_info = True, False, info
     return _write(mesh, offsets, slow)

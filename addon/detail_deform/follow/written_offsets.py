@@ -6,7 +6,7 @@ import numpy as np
 
 from .. import session
 from ..scene import loose, mesh_data, mirror_plane, soft_border, split, start
-from . import look, registry, roles
+from . import registry, roles, update_options
 
 # Entries that each memo below keeps: at least _LEAST, and _EACH for each follower: its present content, and the
 # previous one for undo.
@@ -29,7 +29,7 @@ def offsets(subject, computed, has_faded):
     """(3 n,) float32: the offsets to write. computed: (3 n,), relative to the shape that was bound, in the subject's
     space. has_faded: whether the soft border has been applied to them."""
     ob, signature = subject.ob, subject.settings.signature
-    width = look.soft_border(subject.settings)
+    width = update_options.soft_border(subject.settings)
     if width and not has_faded:
         fractions = _fractions.of(signature, lambda: soft_border.border_fractions_of(ob, roles.of(subject).of_all))
         computed = computed * np.repeat(soft_border.fade_weights(fractions, width), 3)

@@ -2,8 +2,8 @@
 """The life cycle of followers, objects whose mesh follows handles or a source.
 
 Their deformer or transfer is made in the background, their offsets are brought up to date, a change of their content is
-noticed, and they are ended. What differs between the two kinds of followers is in the modules bound and fed, which
-implement kind.Kind.
+noticed, and they are ended. What differs between the two kinds of followers is in the modules handle_follower and
+source_follower, which implement kind.Kind.
 """
 
 import time
@@ -15,10 +15,10 @@ from ..library import native
 from ..scene import attribute_reaches, node_group, offset_attribute, renamed_groups
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
-from . import bound, drag, fed, problem_vertices, registry, shown, slow_results, words
+from . import drag, frame_results, handle_follower, messages, problem_vertices, registry, slow_results, source_follower
 from .kind import Kind
 
-KINDS: tuple[Kind, ...] = (fed, bound)
+KINDS: tuple[Kind, ...] = (source_follower, handle_follower)
 
 _POLL_SECONDS = 0.05  # interval of polls: about the delay with which a job's end is noticed
 _known = session.kept(set(), session.Until.REPLACED)  # objects whose content is known to be unchanged: see take_in()
@@ -44,7 +44,7 @@ def must_wait(depsgraph):
 def refresh_all(members, depsgraph):
     """Refreshes all of these that are live, sources before their followers."""
     poses = {}
-    for ob in sorted(members, key=fed.depth) if len(members) > 1 else members:
+    for ob in sorted(members, key=source_follower.depth) if len(members) > 1 else members:
         kind = kind_of(ob)
         if kind and kind.is_live(ob):
             refresh(ob, depsgraph, poses=poses)
@@ -74,8 +74,8 @@ def refresh(ob, depsgraph, force=False, poses=None):
             problem = _show(kind, subject, entry, force, wait) or attribute_reaches.why_not(subject)
         elif not kind.has(ob):  # check() has ended it, and stored why
             return
-    except words.TOLD as error:
-        problem = words.said(ob, error)
+    except messages.TOLD as error:
+        problem = messages.said(ob, error)
     if kind.settings(ob).problem != problem:
         kind.settings(ob).problem = problem
     if depsgraph.mode == 'RENDER' and not ob.detail_deform.render_problem:
@@ -103,13 +103,13 @@ def render_begins(members):
 
 def _show(kind, subject, entry, force, wait):
     """Writes the frame to the mesh. Returns the problem of the result, or ''."""
-    start, record = time.perf_counter(), shown.by(subject.mesh)
+    start, record = time.perf_counter(), frame_results.by(subject.mesh)
     frame = kind.Frame(subject, entry.made, record)
     share = 1.0 if force or wait else drag.share(entry.full_ms)
     if not force and record is not None and (record.key, record.is_draft) == (frame.key, frame.is_draft) and (
             record.will_do(wait, share) or not wait and _is_to_follow(subject.mesh, record)):
         return record.problem
-    record = shown.show(subject.mesh, frame.offsets(share), frame.key)
+    record = frame_results.show(subject.mesh, frame.offsets(share), frame.key)
     entry.update_ms = 1e3 * (time.perf_counter() - start)
     if frame.is_hurried:
         record.is_hurried = True
@@ -127,29 +127,29 @@ def _is_to_follow(mesh, record):
 def is_drafted(ob):
     """Whether the object shows a draft while its deformer is being bound."""
     kind = kind_of(ob)
-    return bool(kind and shown.is_draft(ob.data) and kind.cache.under_way(kind.content_of(ob)))
+    return bool(kind and frame_results.is_draft(ob.data) and kind.cache.under_way(kind.content_of(ob)))
 
 
 def _replace_draft(ob):
     """Replaces a draft by the result of the finished deformer for the same pose."""
     kind = kind_of(ob)
     entry = kind and kind.cache.find(kind.content_of(ob))
-    if ob.mode == 'EDIT' or not (entry and shown.is_draft(ob.data) and kind.is_for(ob, entry)):
+    if ob.mode == 'EDIT' or not (entry and frame_results.is_draft(ob.data) and kind.is_for(ob, entry)):
         return
-    frame = shown.by(ob.data).draft.by(entry.made)
+    frame = frame_results.by(ob.data).draft.by(entry.made)
     if not frame.is_of(ob):
         return
     try:
-        frame.written(shown.show(ob.data, frame.offsets(1.0), frame.key), wait=False)
-    except words.TOLD as error:
-        kind.settings(ob).problem = words.said(ob, error)
+        frame.written(frame_results.show(ob.data, frame.offsets(1.0), frame.key), wait=False)
+    except messages.TOLD as error:
+        kind.settings(ob).problem = messages.said(ob, error)
 
 
 def end_drag(members):
     """Ends a drag: the next refresh shows the full result. To be called at frame changes and before saving."""
     drag.ended()
     for ob in members:
-        record = shown.by(ob.data)
+        record = frame_results.by(ob.data)
         if record is not None and record.is_hurried:
             slow_results.cancel(offset_attribute.token(ob.data))
 
@@ -180,7 +180,7 @@ def is_known(ob):
 def settle(ob):
     """Waits for the result that is to replace the one shown: a slow one, or that of a bind under way."""
     kind = kind_of(ob)
-    if kind and shown.is_draft(ob.data):
+    if kind and frame_results.is_draft(ob.data):
         if kind.cache.under_way(kind.content_of(ob)):
             finish(kind, kind.content_of(ob))
         _replace_draft(ob)
@@ -250,10 +250,10 @@ def finish(kind, content):
         return kind.cache.finish(content)
     except native.NativeError as error:
         for ob in _owners(kind, content):
-            kind.refuse(ob, words.said(ob, error))
+            kind.refuse(ob, messages.said(ob, error))
             problem_vertices.note(ob, error)
-            if shown.is_draft(ob.data) and ob.mode != 'EDIT':
-                shown.show_start(ob.data)
+            if frame_results.is_draft(ob.data) and ob.mode != 'EDIT':
+                frame_results.show_start(ob.data)
         raise
 
 
@@ -266,7 +266,7 @@ def drop_unused(spares=True):
     members = registry.members()
     for kind in KINDS:
         kind.cache.keep({kind.content_of(ob) for ob in members}, spares)
-    shown.keep(ob.data for ob in members)
+    frame_results.keep(ob.data for ob in members)
 
 
 def _poll():
@@ -315,4 +315,4 @@ def end(kind, ob):
     modifier = node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, None)
-    shown.show_rest(ob.data)
+    frame_results.show_rest(ob.data)

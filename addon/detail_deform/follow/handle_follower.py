@@ -12,12 +12,12 @@ from ..scene import (carried, dependency, handle_motions, handle_rests, handle_t
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
-from . import content, look, made, placed, roles, shown, slow_results
+from . import binding_content, frame_results, job_cache, roles, slow_results, update_options, written_offsets
 from .bind_job import BindJob
 from .parts_job import PartsJob
 from .slow_update import SlowUpdate
 
-cache = made.Cache(spare=3)  # of native.Deformer or composed.Deformer; of drafts while a bind is under way
+cache = job_cache.Cache(spare=3)  # of native.Deformer or composed_deformer.Deformer; during a bind of drafts
 
 # Vertices. Tuned: at 40,401 a draft comes only 150 ms before the result (native/bench/RESULTS.md).
 _DRAFT_FROM = 100_000
@@ -55,18 +55,20 @@ def check(ob):
     if ob.mode == 'EDIT':
         return ""
     note_handles(ob)
-    stale = content.difference(Subject(ob))
-    if stale in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED} and node_group.find_modifier(ob) is None:
+    stale = binding_content.difference(Subject(ob))
+    is_edited = stale in {binding_content.TOPOLOGY_CHANGED, binding_content.VERTICES_MOVED}
+    if is_edited and node_group.find_modifier(ob) is None:
         return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
-    if stale == content.VERTICES_MOVED:
+    if stale == binding_content.VERTICES_MOVED:
         carry_along(ob, bpy.context.evaluated_depsgraph_get())
     if of.stale != stale:
-        if stale not in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED}:
+        if not is_edited:
             _show_whole(ob)
         of.stale = stale
-        if stale == content.TOPOLOGY_CHANGED or not shown.is_draft(ob.data):  # a draft stays until its result comes
-            shown.forget(ob.data)  # the edit may have changed the stored offsets
+        # A draft stays until its result comes.
+        if stale == binding_content.TOPOLOGY_CHANGED or not frame_results.is_draft(ob.data):
+            frame_results.forget(ob.data)  # the edit may have changed the stored offsets
     return ""
 
 
@@ -81,7 +83,7 @@ def carry_along(ob, depsgraph):
         now = carried.transforms(ob, depsgraph)
     except MeshProblem:
         return  # the next update reports it
-    record = shown.by(ob.data)
+    record = frame_results.by(ob.data)
     before = record.transforms if record and record.transforms is not None else carried.rest_transforms(of)
     if len(before) == len(now) and carried.moved_with_space(motion, before, now):
         carried.carry(ob, motion)
@@ -92,7 +94,7 @@ def carry_along(ob, depsgraph):
 
 def _show_whole(ob):
     """Replaces the quick result of a drag by the refined one, as a stale object gets no further frames."""
-    record = shown.by(ob.data)
+    record = frame_results.by(ob.data)
     if record is not None and record.is_hurried:
         try:
             slow_results.finish(offset_attribute.token(ob.data))
@@ -101,7 +103,7 @@ def _show_whole(ob):
 
 
 def note_handles(ob):
-    order = content.order_of_handles(Subject(ob))
+    order = binding_content.order_of_handles(Subject(ob))
     if ob.detail_deform.compared_handles != order:
         ob.detail_deform.compared_handles = order
 
@@ -109,10 +111,10 @@ def note_handles(ob):
 def check_base(ob):
     """As check(), but compares only the base object's mesh, which may change in every frame."""
     of = ob.detail_deform
-    if not of.signature or of.base != 'OBJECT' or of.stale not in {"", content.BASE_CHANGED}:
+    if not of.signature or of.base != 'OBJECT' or of.stale not in {"", binding_content.BASE_CHANGED}:
         return
     try:
-        stale = "" if content.is_of_base(ob) else content.BASE_CHANGED
+        stale = "" if binding_content.is_of_base(ob) else binding_content.BASE_CHANGED
     except MeshProblem:
         return  # the next update reports it
     if of.stale != stale:
@@ -121,7 +123,7 @@ def check_base(ob):
 
 def is_outdated(subject):
     """Whether handles were added, removed or reordered since the last comparison."""
-    return subject.settings.compared_handles != content.order_of_handles(subject)
+    return subject.settings.compared_handles != binding_content.order_of_handles(subject)
 
 
 def is_fit(subject):
@@ -141,13 +143,13 @@ def begin(subject, signature, found, options, welded):
     """Starts to bind, and returns the job. found: roles.Roles. welded: the object's split.WeldedMesh."""
     triangles = mesh_data.triangles(subject.mesh)
     hung = roles.hung(subject.mesh, found.of_all, triangles)
-    placed.know(subject, signature, welded, triangles, hung)
+    written_offsets.know(subject, signature, welded, triangles, hung)
     told = options | {name: subject.space.to(options[name]) for name in ('examples', 'base') if name in options}
     told['draft'] = _has_draft(len(hung))
-    parts = content.parts_to_bind(subject, found, welded, triangles, hung)
+    parts = binding_content.parts_to_bind(subject, found, welded, triangles, hung)
     if subject.settings.base == 'OBJECT':  # without a first update: the base may have moved by then
         return native.Bind(*parts[0].bind_arguments(), **told)
-    asked = look.quick(with_free(look.asked(subject.settings), subject))
+    asked = update_options.quick(with_free(update_options.asked(subject.settings), subject))
     jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.options(told)), len(part.numbers), part.asked(asked))
             for part in parts]
     return jobs[0] if parts[0].is_whole and len(parts) == 1 else PartsJob(parts, jobs, len(hung))
@@ -168,7 +170,7 @@ def with_free(asked, subject):
 
 def job(ob):
     subject, welded = Subject(ob), split.WeldedMesh(ob)
-    return begin(subject, content_of(ob), roles.of(subject, welded=welded), content.options(subject), welded)
+    return begin(subject, content_of(ob), roles.of(subject, welded=welded), binding_content.options(subject), welded)
 
 
 def refuse(ob, sentence):
@@ -217,7 +219,7 @@ class Frame:
         self._only_moved = [subject.handles[number].name for number in np.flatnonzero(only_moved)]
         self._motions, self._base = subject.space.motions(motions), None
         self._transforms = None if of.base == 'OBJECT' else transforms[subject.own]
-        asked, self._soft_border = look.asked(of), look.soft_border(of)
+        asked, self._soft_border = update_options.asked(of), update_options.soft_border(of)
         self.key = (of.signature, self._motions.tobytes(), asked.copy(), subject.are_free.tobytes(),
                     mirror_plane.signature(subject.ob), self._soft_border)
         self._asked = with_free(asked, subject)
@@ -225,7 +227,7 @@ class Frame:
         if of.base == 'OBJECT':
             self._base = subject.space.to(outside_base.deformed_positions(subject.ob, subject.depsgraph))
             self.key += (self._base.tobytes(),)
-        elif look.knows_whole_turns(of):
+        elif update_options.knows_whole_turns(of):
             self._turns = handle_motions.turn_vectors(subject, transforms)
             self.key += (self._turns.tobytes(),)
 
@@ -246,10 +248,10 @@ class Frame:
         told = self._told()
         if self.is_draft or self._deformer.info.coarse_vertex_count:  # refinement on a coarse mesh is cheap
             share = 1.0
-        asked = look.quick(told, share)
-        self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
+        asked = update_options.quick(told, share)
+        self.is_hurried = asked.get('refine') != update_options.quick(told).get('refine')
         found = self._deformer.offsets(self._motions, self._base, **asked)
-        return placed.offsets(Subject(self._ob), found, self._deformer.fades)
+        return written_offsets.offsets(Subject(self._ob), found, self._deformer.fades)
 
     def _told(self):
         of_all = {**self._asked, 'turns': self._turns}
@@ -268,7 +270,7 @@ class Frame:
             record.example_weights = self._deformer.example_weights().tolist()
             if not wait:
                 redraw_panels()  # they show the weights
-        is_slow = look.is_slow(of)
+        is_slow = update_options.is_slow(of)
         if (is_slow or self.is_hurried) and not self._is_rest():
             record.is_final = False
             asked = {**self._told(), 'base': self._base}
