@@ -277,8 +277,8 @@ def test_a_square_is_ambiguous(native):
 def test_matching_refuses_and_cancels(native, strip):
     with pytest.raises(native.NativeError, match="is paired by markers"):
         native.Match(mesh(strip), mesh(strip), [[0, 0], [0, 1], [9, 9], [100, 100]]).finish()
-    with pytest.raises(native.NativeError, match="options.reach must be zero or more"):
-        native.Match(mesh(strip), mesh(strip), [[0, 0]], reach=-1.0)
+    with pytest.raises(native.NativeError, match="options.smoothness must be zero or more"):
+        native.Match(mesh(strip), mesh(strip), [[0, 0]], smoothness=-1.0)
     big = Strip(3000)
     match = native.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]])
     match.cancel()

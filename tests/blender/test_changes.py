@@ -225,7 +225,7 @@ def test_save_and_reopen_keeps_pose_and_binding(tmp_path):
 
 
 def test_another_file_gives_back_the_memory_of_what_was_bound(module, tmp_path):
-    bound = module.follow.bound
+    bound = module.follow.handle_follower
     ob = posed()
     path, content = str(tmp_path / 'posed.blend'), bound.content_of(ob)
     bpy.ops.wm.save_as_mainfile(filepath=path)

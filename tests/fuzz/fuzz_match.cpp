@@ -34,8 +34,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (!endless && options.rounds > 2) options.rounds = 1001;
   options.threads = bytes.one_in(4) ? bytes.choice(1, 3) : 1;
   if (bytes.one_in(3)) options.smoothness = bytes.number(0, 4);
-  if (bytes.one_in(3)) options.identity = bytes.number(0, 1);
-  if (bytes.one_in(3)) options.reach = bytes.number(0, 2);
 
   const GivenMesh from(source, bytes), to(target, bytes);
   const Sized<dd_match_options> how(options, bytes);

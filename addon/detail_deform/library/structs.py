@@ -279,7 +279,7 @@ TransferInfo = _sized_struct_class(
     (_DOUBLE * 12, 'placement'))
 MatchOptions = _sized_struct_class('dd_match_options', "How correspondences are searched for",
                                    (_INT, 'stages', 'rounds', 'threads'),
-                                   (_DOUBLE, 'smoothness', 'identity', 'reach'), (Array(np.float64, 3, 4), 'stance'))
+                                   (_DOUBLE, 'smoothness'), (Array(np.float64, 3, 4), 'stance'))
 MatchInfo = _sized_struct_class('dd_match_info', "Facts about a correspondence that was found",
                                 (_INT, 'ambiguous', 'mirrored'),
                                 (_DOUBLE, 'confidence'))

@@ -741,9 +741,6 @@ typedef struct dd_match_options {
   int32_t rounds;    /* 1 .. 1000, of searching closest points in each stage. By default 3 */
   int32_t threads;   /* as of dd_bind_options */
   double smoothness; /* >= 0, the weight of alike gradients of neighbours. By default 1 */
-  double identity;   /* >= 0, the weight of gradients near the identity. By default 0.001 */
-  double reach;      /* a fraction of the target's box: what is further apart doesn't correspond. By
-                   default 0.1 */
   const double* stance; /* how the source stands to the target, beside how their positions have it,
                            as in a scene: a row-major 3x4 matrix of a rotation, scale and shift. An
                            open part that lies on the other mesh so corresponds to what it lies on.

@@ -70,8 +70,6 @@ inline dd_match_options match_defaults() {
   options.rounds = usual.rounds;
   options.threads = usual_thread_count();
   options.smoothness = usual.smoothness;
-  options.identity = usual.identity;
-  options.reach = usual.reach;
   return options;
 }
 

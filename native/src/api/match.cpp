@@ -29,8 +29,6 @@ dd::RegistrationOptions read_options(const dd_match_options& options) {
   how.stages = whole("options.stages", options.stages, 1, 1000);
   how.rounds = whole("options.rounds", options.rounds, 1, 1000);
   how.smoothness = weight("options.smoothness", options.smoothness);
-  how.identity = weight("options.identity", options.identity);
-  how.reach = weight("options.reach", options.reach);
   how.threads = threads(options.threads);
   return how;
 }
