@@ -737,10 +737,10 @@ DD_API void dd_transfer_free(dd_transfer* transfer);
 
 typedef struct dd_match_options {
   uint32_t struct_size;
-  int32_t stages;    /* 1 .. 1000, of growing pull to the target. By default 8 */
-  int32_t rounds;    /* 1 .. 1000, of searching closest points in each stage. By default 3 */
-  int32_t threads;   /* as of dd_bind_options */
-  double smoothness; /* >= 0, the weight of alike gradients of neighbours. By default 1 */
+  int32_t stages;       /* 1 .. 1000, of growing pull to the target. By default 8 */
+  int32_t rounds;       /* 1 .. 1000, of searching closest points in each stage. By default 3 */
+  int32_t threads;      /* as of dd_bind_options */
+  double smoothness;    /* >= 0, the weight of alike gradients of neighbours. By default 1 */
   const double* stance; /* how the source stands to the target, beside how their positions have it,
                            as in a scene: a row-major 3x4 matrix of a rotation, scale and shift. An
                            open part that lies on the other mesh so corresponds to what it lies on.

@@ -320,6 +320,7 @@ std::vector<Eigen::Matrix3d> ReducedEnergy::minimize(
   }
   rotate_first(Index(free_handles_.size()));
   std::vector<Eigen::Matrix3d> result;
+  result.reserve(free_handles_.size());
   for (Index i = 0; i < Index(free_handles_.size()); ++i)
     result.push_back((rotations.middleRows<3>(3 * i) + Eigen::Matrix3d::Identity()).transpose());
   return result;
