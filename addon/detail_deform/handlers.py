@@ -8,7 +8,8 @@ from . import session
 from .follow import auto_bind, drag, edits, lifecycle, registry
 from .ui import marker_cache, preview
 
-# While nothing is bound, neither of the next two handlers iterates over a scene's objects or over the updates.
+# While nothing is bound and no preview is drawn, neither of the next two handlers iterates over a scene's objects or
+# over the updates.
 
 
 @persistent

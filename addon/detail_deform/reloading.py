@@ -18,7 +18,7 @@ def reload_modules(package, folder):
 
 
 def _in_order(folder):
-    """The modules below a folder, ('scene', 'reach') for scene/attribute_reaches.py, each after those that it imports:
+    """The modules below a folder, ('scene', 'files') for scene/files.py, each after those that it imports:
     depth-first, in post-order."""
     paths = {_parts(path.relative_to(folder)): path for path in sorted(folder.rglob('*.py'))}
     begun, order = {()}, []

@@ -8,7 +8,7 @@ import enum
 
 class Until(enum.IntEnum):
     """The event that ends a memory. A later one ends all that an earlier one does."""
-    REPLACED = 1  # undo, redo and loading, which replace data-blocks: addresses of before are invalid
+    REPLACED = 1  # undo, redo and loading, which replace data-blocks: pointers to the former ones are invalid
     LOADED = 2  # another file: undo can't lead back to the one before
     DISABLED = 3  # the add-on
 

@@ -15,7 +15,7 @@ MODULES = sorted(ADDON.rglob('*.py'))
 
 
 def _module_of(path):
-    """('follow', 'life') of follow/lifecycle.py, () of __init__.py."""
+    """('follow', 'lifecycle') of follow/lifecycle.py, () of __init__.py."""
     parts = path.relative_to(ADDON).with_suffix('').parts
     return parts[:-1] if parts[-1] == '__init__' else parts
 

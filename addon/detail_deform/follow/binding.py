@@ -32,6 +32,8 @@ def bind(ob, depsgraph, wait, keep_rest):
     subject, topology = Subject(ob, depsgraph), mesh_data.topology_signature(ob.data)
     welded = split.WeldedMesh(ob, topology)
     found = roles.of(subject, group_columns.entries, welded)
+    # Examples that are no poses are refused while the present binding is still there. The options of a base object are
+    # of its rest, which is stored below.
     options = binding_content.options(subject) if subject.settings.base == 'COMPUTED' else None
     _store_rests(subject, found.of_all, wait, keep_rest)
     subject = Subject(ob, depsgraph)
@@ -62,7 +64,7 @@ def _check(ob):
 
 def _store_rests(subject, roles_of_vertices, wait, keep_rest):
     """Stores all that motions are relative to: the rests of handles and of a base object, and the start. Ends the
-    present binding, once all is checked that may be wrong."""
+    present binding, once all is checked that can be checked without changing anything."""
     ob, settings = subject.ob, subject.settings
     poses = _poses(subject, roles_of_vertices, only_new=keep_rest)
     transforms = handle_transforms.local_transforms(subject, poses)

@@ -18,7 +18,7 @@ from ..library import native
 
 # Radians: only handles that have turned farther count in the estimate of the surface's whole turns. Safety: a margin
 # below π, at which the shortest rotation vector flips.
-_HALF = 0.75 * np.pi
+_FAR_TURN = 0.75 * np.pi
 
 
 def rotation_vector(gradient):
@@ -74,7 +74,7 @@ class _Composition:
         known from F up to whole turns. The whole turns are estimated from the handles that have turned it, each times
         the share of its motion that arrives at the handle."""
         result = turns.copy()
-        far = np.flatnonzero(np.linalg.norm(self._turns, axis=1) > _HALF)
+        far = np.flatnonzero(np.linalg.norm(self._turns, axis=1) > _FAR_TURN)
         arrives = self._arriving(part, far) if len(far) else np.zeros((len(turns), 0))
         for number, share in enumerate(arrives):
             turned = rotation_vector(self._gradients[part.held[number]].mean(axis=0, dtype=np.float64))
@@ -174,7 +174,8 @@ class Deformer:
                 info.idle_handle_example = int(part.numbers[of_part.idle_handle_example])
             if part is self._parts[0] and part.is_whole:
                 continue
-            # Vertices of a reach that no edges connect with its handle just stay in place, which is no finding.
+            # 'resting' is left out on purpose: vertices of a reach that no edges connect with its handle stay in place,
+            # which users expect.
             for name in ('loose', 'unrepresented'):
                 _take_over(info, of_part, name, part.vertex, part is self._parts[0])
             _take_over(info, of_part, 'degenerate', part.triangle, part is self._parts[0])

@@ -18,7 +18,7 @@ class Entry:
         self.made = made
         self.update_ms = 0.0
         self.full_ms = 0.0  # of the last update with all refinement
-        self.owners = set()  # tuples of addresses of objects and meshes that have this content: fed._owner()
+        self.owners = set()  # source_follower._owner() of each object whose content is known to be this one
 
 
 class Cache:

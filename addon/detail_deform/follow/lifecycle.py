@@ -1,6 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The life cycle of followers, objects whose mesh follows handles or a source.
 
+Nobody asks which empty has moved: at each update of the scene every live follower reads its input (kind.Frame), and
+ends there if its key is the one of the result that the mesh shows (frame_results). Else the offsets are computed, made
+fit for the mesh (written_offsets) and written (offset_attribute). What is written in a handler of the depsgraph,
+Blender evaluates in a second pass without calling handlers; what is written elsewhere comes back as an edit, and is
+compared: see take_in().
+
 Their deformer or transfer is made in the background, their offsets are brought up to date, a change of their content is
 noticed, and they are ended. What differs between the two kinds of followers is in the modules handle_follower and
 source_follower, which implement kind.Kind.
@@ -39,7 +45,7 @@ def must_wait(depsgraph):
     return bpy.app.background or depsgraph.mode == 'RENDER'
 
 
-# Up to date
+# Updates
 
 def refresh_all(members, depsgraph):
     """Refreshes all of these that are live, sources before their followers."""
@@ -207,7 +213,7 @@ def check(ob):
             tell()
 
 
-# Made
+# Binds, and preparations of transfers
 
 def _made(kind, subject, wait):
     """The cache entry for the object's content. While it is being made, that of its draft, if there is one, else None;
@@ -303,7 +309,7 @@ _timer = timers.Timer(_poll, _POLL_SECONDS, through_loading=True)
 session.at(session.Until.LOADED, lambda: drop_unused(spares=False))
 
 
-# Ended
+# The end of following
 
 def end(kind, ob):
     """Ends following: removes the offsets, and cancels a job that no other object needs."""

@@ -7,8 +7,8 @@ from ..scene.subject import Subject
 from ..scene.window import redraw_panels
 from . import frame_results, messages, registry, slow_results, written_offsets
 
-# Without a further move of the handles, before the work starts: on a slow result, and on refinement that a drag has
-# left out. A drag moves the handles many times a second.
+# For which the handles must rest before the work starts: for a slow result, and for refinement that a drag has left
+# out. A drag moves the handles many times a second.
 _PAUSE_SECONDS, _DRAG_PAUSE_SECONDS = 0.3, 0.15
 
 
@@ -40,7 +40,7 @@ class SlowUpdate:
         return self.deformer.update(self._motions, wait=wait, **self._asked)
 
     def deliver(self, offsets, info):
-        # Copies of a mesh have the same token.
+        # A copy of a mesh has the same token, so one result may go to several objects.
         quick = [(ob, frame_results.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
         for ob, record in quick:
             if record is not None:

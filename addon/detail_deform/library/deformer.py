@@ -109,7 +109,7 @@ class Deformer(JobResult):
         return found
 
     def update(self, matrices, wait=False, **options):
-        """The Update of these."""
+        """Starts an update with these handles and options in the background, and returns it."""
         return Update(self, matrices, wait, **options)
 
     def example_weights(self):
@@ -120,7 +120,7 @@ class Deformer(JobResult):
         return weights
 
     def vertices(self, finding):
-        """(k,) int32: all of which info counts so many and names one. finding: a value of dd_finding."""
+        """(k,) int32: all vertices with this finding, a value of dd_finding; info has their number and one of them."""
         with self._lock:
             return vertices('dd_deformer_get_vertices', self, FINDINGS[finding], call=call_when_free)
 

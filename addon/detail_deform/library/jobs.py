@@ -41,7 +41,7 @@ class Job(Owned):
 
 
 class JobResult(Owned):
-    """What a job has made, which takes it over from the job."""
+    """What a job has made. Constructing it takes the object over from the job, which is over then."""
 
     take_function = None  # name of the library's function that takes it over
 

@@ -23,7 +23,8 @@ _library = None
 _leaving = False
 _users = []  # an entry for each call under way, of all threads
 _defaults = {}  # {type of a struct of options: its bytes with the loaded library's defaults}
-_guard = threading.RLock()  # of these four; objects that are collected come back here
+# Of these four. Reentrant: collecting garbage meanwhile may call Owned.close() in the same thread.
+_guard = threading.RLock()
 _owned = weakref.WeakSet()
 
 
@@ -163,7 +164,7 @@ def call_when_free(function, *arguments):
 
 
 def vertices(function, *arguments, call=call):
-    """(k,) int32: what a function gives that tells a count where there is no room."""
+    """(k,) int32: the vertices that a function lists. Called without room, it tells how many there are."""
     room = ctypes.c_size_t()
     call(function, *arguments, None, 0, room)
     found = np.empty(room.value, np.int32)

@@ -75,7 +75,8 @@ class NativeError(Exception):
         self.busy = status == STATUS['ERROR_BUSY']
 
     def about(self, index, vertices):
-        """The same of other numbers: those of a larger mesh, say."""
+        """A copy of this error with another index and other vertices, as where a part's are numbered in the whole
+        mesh."""
         return NativeError(str(self), self.status, vertices, self.message, self.subject, index, self.remedy)
 
 
@@ -115,8 +116,8 @@ _SIZE, _INT, _DOUBLE = ctypes.c_size_t, ctypes.c_int32, ctypes.c_double
 
 class Struct(ctypes.Structure):
     """A struct of the header, its size set and all else zero, filled by the names of its fields: enums by the names
-    of their values, arrays as arrays, which it keeps alive. None leaves a field as it is. What the library calls
-    defaults it fills in itself: loading.filled."""
+    of their values, arrays as arrays, which it keeps alive. None leaves a field as it is. loading.filled() makes one
+    with the library's defaults in place of zeros."""
 
     def __init__(self, **values):
         super().__init__()

@@ -65,8 +65,8 @@ class Match(Job):
     def __init__(self, source, target, markers=(), **options):
         """source, target: as for TransferJob. markers: (k, 2) vertices that fall on one another, or none. options: by
         the names of dd_match_options' fields."""
-        # Once it is finished: facts, and of each of the target's vertices the triangle of the source in which its
-        # point is, or -1, and three weights of its corners.
+        # finish() sets both. info: facts about the match. points: for each vertex of the target the triangle of the
+        # source that corresponds with it, or -1, (n,), and the barycentric weights in that triangle, (n, 3).
         self.info, self.points = MatchInfo(), None
         markers = _pairs(np.reshape(markers, (-1, 2)))
         self._vertex_count, self._target_counts = len(source[0]), tuple(map(len, target))

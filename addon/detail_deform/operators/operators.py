@@ -157,7 +157,7 @@ class OBJECT_OT_detail_deform_save_key(HandleEmptyOperator, bpy.types.Operator):
             _settle_what_is_seen(ob)
             name = apply_result.save_key(ob, self.name or "Expression")
             ob.detail_deform.expressions.add().name = name
-            if ob.detail_deform.weights_by == 'SLIDERS':  # else they would add to the saved key
+            if ob.detail_deform.weights_by == 'SLIDERS':  # the saved key has what they did, or it would be doubled
                 for example in ob.detail_deform.examples:
                     example.weight = 0.0
             at_rest.all_to_rest(context, ob)

@@ -20,15 +20,16 @@ def write(context, ob, start, end, path):
     path = point_cache.absolute(path)
     frames.check_range(start, end)
     for _ in bake.over_frames(context, ob, start, start):
-        pass  # raises errors before the export begins
-    with point_cache.disk(path, "written"):  # a full disk during an export would terminate Blender
+        pass  # goes to the first frame alone, so that its errors are raised before the export begins
+    with point_cache.disk(path, "written"):
         unfinished = files.unfinished(path, '.abc')  # Blender would add this ending
+        # A full disk during the export would terminate Blender, so the room is checked before.
         pc2.check_room(path, (end + 1 - start) * _bytes_a_frame(ob, context))
     try:
         with _Exported(context, ob), point_cache.disk(path, "written"):
             bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
                                       as_background_job=False)
-            _check_complete(unfinished, 3 * len(ob.data.vertices))
+            _check_complete(unfinished, 3 * min(len(ob.data.vertices), len(_evaluated(ob, context).vertices)))
             os.replace(unfinished, path)
         ob.detail_deform.baked_file = path
     except RuntimeError as error:
@@ -39,13 +40,17 @@ def write(context, ob, start, end, path):
 
 def _bytes_a_frame(ob, context):
     """float32 positions of vertices and normals of face corners."""
-    mesh = ob.evaluated_get(context.evaluated_depsgraph_get()).data
+    mesh = _evaluated(ob, context)
     return 12 * (len(mesh.vertices) + len(mesh.loops))
 
 
+def _evaluated(ob, context):
+    return ob.evaluated_get(context.evaluated_depsgraph_get()).data
+
+
 def _check_complete(path, least):
-    """Raises OSError if the exporter stopped early, as on a full disk, or wrote no mesh; it reports neither. least:
-    bytes, fewer than one frame takes, however few vertices the modifiers leave in renders."""
+    """Raises OSError if the exporter stopped early, as on a full disk, or wrote no mesh; it reports neither. least: a
+    file of fewer bytes is taken for one without the mesh, whose positions take four times as many."""
     with open(path, 'rb') as file:
         if file.read(len(_COMPLETE)) != _COMPLETE:
             raise OSError(0, "the export has stopped before its end, as it does when the disk is full")

@@ -104,7 +104,7 @@ class _ByHandles:
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
         motions = self._subject.space.motions(motions)
         found = written_offsets.offsets(self._subject, self._deformer.offsets(motions, **self._update_arguments),
-                               self._deformer.fades)
+                                        self._deformer.fades)
         return np.linalg.norm(self._rest + found.reshape(-1, 3) - positions, axis=1)[self._is_free]
 
     def on_all_vertices(self, errors):

@@ -158,7 +158,8 @@ _SETTERS = {'range': _set_range, 'vertex group': _set_group}
 
 
 def _remarks_on_renamed(target, made):
-    """Remarks on keys that got another name, as a key of the target's own has theirs. made: {requested name: actual}"""
+    """Remarks on keys that have another name than requested, because the target has a key of its own with that one.
+    made: {requested name: actual}"""
     there = set(target.data.shape_keys.key_blocks.keys()) - set(made.values())
     others = [f"'{made[name]}' beside '{name}'" for name in made if made[name] != name and name in there]
     return [f"Made beside keys of its own, which Replace would take: {', '.join(others)}."] if others else []

@@ -60,7 +60,7 @@ def similarities(ob, parts, depsgraph):
 
 
 def _mapping_point(similarity, point, image):
-    """(4, 4): the linear part of motion, with the translation that takes place to there."""
+    """(4, 4): the similarity with another translation, so that it takes point to image, (3,) each."""
     result = similarity.copy()
     result[:3, 3] = image - similarity[:3, :3] @ point
     return result

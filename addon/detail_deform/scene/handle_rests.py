@@ -16,8 +16,9 @@ def has_rest(handle):
 
 
 def rest_transform(handle):
-    """(4, 4): the transform relative to which the handle's motion is measured. For one that mirrors another: the motion
-    of its vertices from home to the start of the binding. The identity if none is stored."""
+    """(4, 4): the transform from which the handle's motion is measured; the identity if none is stored. A handle that
+    mirrors another has no empty: its rest is the motion that its vertices had made from home when the binding
+    started."""
     return np.array(handle.rest_matrix, np.float64).reshape(4, 4) if has_rest(handle) else np.eye(4)
 
 
@@ -78,8 +79,8 @@ def set_rest(handle, transform):
 
 
 def reset_rests_to_homes(settings):
-    """Makes the home of every handle its rest again. Handles that mirror another lose theirs, which is the identity
-    then."""
+    """Makes the home of every handle its rest again. A handle that mirrors another loses its stored rest, which is the
+    identity at home."""
     for handle in settings.handles:
         if handle.mirrors:
             handle.property_unset('rest_matrix')

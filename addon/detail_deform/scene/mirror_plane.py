@@ -102,7 +102,8 @@ class Seam:
 
 
 class Seams:
-    """The seams at all planes of an object. roles: (n,) of the binding; None: all are free, as of a follower."""
+    """The seams at all planes of an object. roles: (n,) of the binding; None: all vertices are free, as on a mesh that
+    follows a source."""
 
     def __init__(self, ob, roles=None):
         self.signature = signature(ob)

@@ -14,7 +14,9 @@ from ..scene import correspondence, files, mesh_data, proportions, saved_match
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
-_last = session.Memo(1)  # for transfers with other settings: {what was searched for: (placement, Correspondence)}
+# The last match, so that a transfer with other settings needs no second search. {key of the two shapes and their
+# markers: (_placement_key(), Correspondence)}
+_last = session.Memo(1)
 # Mean confidence above which a match is reused though an object moved: saves a search, may miss a better fit.
 _REUSE_CONFIDENCE = 0.5
 
@@ -24,7 +26,7 @@ _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them a
 
 def _placement_key(shapes, stance):
     """Key of the source's placement: the corners of its box in the target's space, in units of the diagonal of the
-    target's box, rounded to 4 digits; b'' where it is None."""
+    target's box, rounded to 4 digits. stance: of proportions.relative_transform(). b'' where that is None."""
     if stance is None:
         return b''
     (low, high), (least, most) = ((each.min(0, initial=0), each.max(0, initial=0)) for each in shapes)

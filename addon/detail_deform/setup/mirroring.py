@@ -102,7 +102,8 @@ def keep_symmetric(ob, handle, axis):
 
 def _split_middle(ob, handle, letter, chosen, image):
     """(n,) bool: the vertices on the plane, which the handle and its mirror image would move differently. They become a
-    handle of their own that moves by the mean of both motions. None if the handle's group is not its own."""
+    handle of their own that moves by the mean of both motions. All false, and nothing is made, if there are none, or if
+    the handle's group is not its own."""
     middle, own = chosen & image, handle.own_group
     if not middle.any() or handle.vertex_group != own or handle_setup.shares_group(ob, handle, own):
         return np.zeros(len(chosen), bool)
@@ -156,7 +157,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
         _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter
-        if start.has_previous_offsets(ob.data):  # motion of its vertices from home, where its own motion starts
+        if start.has_previous_offsets(ob.data):  # without an empty, its rest is the motion that its vertices have made
             made.rest_matrix = start.rigid_motion(ob, image, start.PREVIOUS_OFFSETS).ravel().tolist()
     else:
         empties.store_pose_matrix(ob, made, similarity, context.evaluated_depsgraph_get())
