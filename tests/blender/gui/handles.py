@@ -90,8 +90,8 @@ def binding():
 
 def is_whole():
     """Whether the displayed result is the final one, which no slower result will replace."""
-    from detail_deform.follow import shown
-    return shown.by(surface()[0].data).is_final
+    from detail_deform.follow import frame_results
+    return frame_results.by(surface()[0].data).is_final
 
 
 def dragging():

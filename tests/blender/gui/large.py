@@ -35,7 +35,7 @@ def heavy_plane(side=330):
 
 def drafting():
     """Drags a handle while a dense mesh is being bound; the bind seems to be running until the drag has ended."""
-    from detail_deform.follow import shown
+    from detail_deform.follow import frame_results
     from detail_deform.library import native
     ob, empty = heavy_plane()
     progress = native.Bind.progress
@@ -46,7 +46,7 @@ def drafting():
         bpy.ops.object.detail_deform_bind()
 
     def shows_draft():
-        record = shown.by(ob.data)
+        record = frame_results.by(ob.data)
         return record is not None and record.is_draft
 
     yield from expect("a draft is there before a heavy mesh is bound",
@@ -73,7 +73,7 @@ def drafting():
     native.Bind.progress = progress
     yield from wait_until(lambda: ob.detail_deform.is_bound)
     yield from settle()
-    check("until the result takes its place", ob.detail_deform.is_bound and shown.by(ob.data).is_final)
+    check("until the result takes its place", ob.detail_deform.is_bound and frame_results.by(ob.data).is_final)
     difference = np.abs(evaluated(ob) - draft).max()
     check(f"which is near ({difference:.5f})", 0 < difference < 0.02)
     screenshot('after_draft')
