@@ -17,7 +17,7 @@ class BindJob:
     render, only binds."""
 
     def __init__(self, bind, handle_count, asked):
-        """bind: the native.Bind. asked: the options of the update, by the names of library/deformer.update_options()."""
+        """bind: the native.Bind. asked: the options of the update, as of update_options() in library/deformer.py."""
         self._bind, self._update, self._deformer, self._error = bind, None, None, None
         self._rest = native.at_rest(handle_count)
         self._asked = asked
