@@ -96,7 +96,7 @@ UpdateOptions options_of_step(const UpdateOptions& update, int step, int steps) 
   UpdateOptions options = update;
   if (step < steps) options.output = Output::result;
   if (steps > 1) {
-    options.turns.clear();  // those of a step are part of its motion
+    options.turns.clear();  // a step is taken to turn by less than 180°
     options.free.clear();
   }
   return options;
@@ -140,7 +140,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     const auto tell = [&](double within_step, Stage stage) {
       return !progress || progress(before + within_step * (now - before), stage);
     };
-    // Progress: a slow method takes most of a step itself, else binding does.
+    // Fraction of a step that binding takes: little if the method is slow.
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
     UpdateOptions options = options_of_step(update, step, motion.steps);
     options.of_method.progress = [&](double fraction, Stage stage) {

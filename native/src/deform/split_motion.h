@@ -44,11 +44,11 @@ struct SplitResult {
   bool volumes_converged = true;
 };
 
-/// Arguments as for Deformer::update(), with the turns of the whole motion. A base from outside has
-/// no motion that could be split, so it allows one step only. The first step updates the bound
-/// deformer; later ones bind new surfaces and only read its constant parts. on_deformer_released:
-/// called after the first step, from when on other threads may update the deformer. Throws Error,
-/// naming the step.
+/// Arguments as for Deformer::update(), with the turns of the whole motion. One step only where the
+/// motion can't be split: with a base from outside, and by examples. The first step updates the
+/// bound deformer; later ones bind new surfaces and only read its constant parts.
+/// on_deformer_released: called after the first step, from when on other threads may update the
+/// deformer. Throws Error, naming the step.
 SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
                          const Progress& progress = {}, const Positions* deformed_base = nullptr,
                          const std::function<void()>& on_deformer_released = {});

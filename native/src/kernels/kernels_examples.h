@@ -114,7 +114,7 @@ inline void add_divergence(const ExampleBlock<Real>& block, const Real (*gradien
   scatter(to, flux, rows);
 }
 
-/// gradient −= G_j(x).
+/// gradient −= √A_j G_j(x).
 template <class Real>
 inline void subtract_gradient(const ExampleBlock<Real>& block, const double* x,
                               Real (*gradient)[kLanes]) {

@@ -21,13 +21,14 @@ struct FitGoals {
 
   /// The weight of each vertex' attraction, by the robust error of Geman and McClure: 1 at its
   /// goal, 1/4 at the larger of eight times the median distance to a goal and the distance `least`.
-  /// A vertex without a closest point gets a small weight that holds it where it is; one whose
+  /// A vertex without a closest point gets a small weight that holds it where it is, 1 where no
+  /// vertex has one; one whose
   /// closest point is on a border gets 1.
   Eigen::VectorXd robust_weights(const Positions& now, double least) const;
 };
 
-/// Finds the closest points on a target: within reach, with a normal less than 90° off, and on a
-/// component that may correspond (PartPairs). Keeps references to the target and the pool.
+/// Finds the closest points on a target: within reach, with a normal less than 90° off, preferably
+/// on a component that may correspond (PartPairs). Keeps references to the target and the pool.
 class GoalFinder {
  public:
   GoalFinder(const Mesh& source, const Mesh& target, double reach, ThreadPool& pool);
@@ -35,9 +36,9 @@ class GoalFinder {
   /// The closest point of each vertex. now: the source as fitted so far.
   FitGoals nearest(const Mesh& now) const;
 
-  /// The mean of the closest point of a vertex and of the target's vertices whose closest point on
-  /// the source is beside it. The latter are weighted by their area over the vertex' own, at most
-  /// 1. So the ends of the target attract those of the source, whose own closest points don't lead
+  /// As nearest(), averaged with the offsets to the target's vertices from their closest points on
+  /// triangles around the vertex. These weigh their area over the vertex' own, together at most 1.
+  /// So the ends of the target attract those of the source, whose own closest points don't lead
   /// there.
   FitGoals both_ways(const Mesh& now) const;
 

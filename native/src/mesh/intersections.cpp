@@ -22,8 +22,8 @@ bool crosses(const Mesh& mesh, int p, int q, int j) {
   const auto corner = mesh.triangles.row(j);
   const Eigen::Vector3d a = mesh.positions.row(corner[0]), b = mesh.positions.row(corner[1]),
                         c = mesh.positions.row(corner[2]);
-  // Heights over the triangle's plane at the level of rounding (six times the tetrahedron's volume
-  // below 1e-12 of the largest length cubed) count as touching.
+  // An end touches, and doesn't cross, if six times its tetrahedron's volume over the triangle is
+  // below 1e-12 of the cube of the longest edge compared: the level of rounding.
   const double size = std::max({(b - a).norm(), (c - a).norm(), (y - x).norm(), (x - a).norm()});
   const double below = volume(a, b, c, x), above = volume(a, b, c, y);
   if (std::min(std::abs(below), std::abs(above)) < 1e-12 * size * size * size) return false;

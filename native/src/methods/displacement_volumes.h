@@ -15,10 +15,10 @@ namespace dd {
 ///
 ///   ‖∇p' − ∇p_T‖² + ‖p' − p_N‖² / ℓ² + ‖W(p', q') − W(p, q)‖² / μ
 ///
-/// with norms weighted by the masses. Volumes alone would let the surface slide and wrinkle. The
-/// gradients of detail transfer (p_T) keep it smooth, the positions of normal displacements (p_N)
-/// keep it over its base. ℓ is four times, √μ a tenth of the mean height of the prisms. Local
-/// self-intersections would invert prisms, which the volume term prevents.
+/// with norms of the masses M, the last of M⁻¹. Volumes alone would let the surface slide and
+/// wrinkle. The gradients of detail transfer (p_T) keep it smooth, the positions of normal
+/// displacements (p_N) keep it over its base. ℓ is four times, √μ a tenth of the mean height of the
+/// prisms. Local self-intersections would invert prisms, which the volume term prevents.
 ///
 /// The minimization is non-linear: Gauss-Newton steps, each solved by conjugate gradients with one
 /// factor. It is too slow for dragging.

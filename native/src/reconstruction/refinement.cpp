@@ -24,15 +24,15 @@ struct PassSettings {
 /// Long waves of the error converge slowly: a pass with factor ω moves them up to ω times as far.
 /// It multiplies short waves, which smoothing takes out of the solution, by 1 − ω, so a pass with
 /// ω = 1 ends them. The last pass always has ω = 1. The others, counted back from it:
-/// - Up to four passes alternate 3.25 and 1.45: (1 − 3.25) (1 − 1.45) ≈ 1 keeps short waves as
-///   large as they are.
+/// - Of at most four passes in all, 3.25 and 1.45 in turn: (1 − 3.25) (1 − 1.45) ≈ 1 keeps short
+///   waves as large as they are.
 /// - More passes alternate 2, which only changes the sign of short waves, and 1. The first has 4 in
 ///   place of either: the error is largest there, and enough passes follow to end the short waves,
 ///   which it multiplies by −3.
 ///
 /// Larger factors let the inside of a sharp bend buckle on dense meshes.
 ///
-/// Smoothing keeps the surface from folding, but the first of four passes goes without, at half the
+/// Smoothing keeps the surface from folding; the first of four passes does without, for half its
 /// cost. Tuned on 108 poses of public meshes: 8,695 intersecting pairs, against 8,628 with all four
 /// smoothed and 8,969 with two. After more than four passes the remaining stretch is due to
 /// smoothing, so the last two have less of it.
@@ -89,8 +89,8 @@ class RefinementOf : public Refinement {
 
   FactoredSurface& surface_;
   RotationSmoothing smoothing_;
-  // Local triangle numbers: the active triangles, padded to whole blocks, then triangles without a
-  // free corner at rims.
+  // By local number: the active triangles, padded to whole blocks, then those without a free corner
+  // at rims.
   std::vector<RotationBlock<Real>> moving_, constrained_;
   RotatedFluxPass<Real> pass_;
   RotationMeans<Real> averages_;  // of each active vertex

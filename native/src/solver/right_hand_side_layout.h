@@ -46,7 +46,7 @@ class RightHandSideLayout {
   int size() const { return begin_.back(); }
 
   std::vector<int> begin_;
-  std::vector<int> slot_begin_, top_index_of_slot_;  // first slot of each domain; the top's row
+  std::vector<int> slot_begin_, top_index_of_slot_;  // by domain, less size(); row, by slot
   std::vector<std::vector<int>> slot_of_top_;  // by domain, then row of the top: row here, or -1
 };
 

@@ -60,7 +60,7 @@ class FourPaths {
     for (auto s = top; s != met_.end(); ++s) factor_.eliminate(*s, right_.data(), x_.data());
     return x_;
   }
-  /// For the next columns.
+  /// Forgets the columns.
   void clear() {
     for (int s : met_) {
       x_.middleRows(plan_.begin[size_t(s)], plan_.width(s)).setZero();

@@ -53,7 +53,7 @@ class ThreadPool {
 
  private:
   using Call = void (*)(const void* task, int index);
-  /// By the caller that has set taken_, which this clears.
+  /// For the caller that has set taken_; clears it.
   void share(Call call, const void* task, int task_count);
 
   std::shared_ptr<Workers> workers_;

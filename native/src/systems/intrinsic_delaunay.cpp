@@ -21,8 +21,8 @@ constexpr double kSameWeight = 1e-12;
 // Least value of 16 area² / (Σ edge²)² for which the fast cotangent is used. Safety: the rounding
 // error of a thinner triangle could decide.
 constexpr double kMinFastArea = 1e-6;
-// Fraction of the threshold of obtuse edges: an edge is no candidate if its fast cotangents sum to
-// more. Safety: a margin for their rounding.
+// An edge whose fast cotangents sum to more than this fraction of the (negative) threshold is no
+// candidate. Safety: a margin for their rounding.
 constexpr double kFastSumMargin = 0.9;
 // Flips per triangle, on average. Safety: the loop ends whatever rounding does.
 constexpr int kMostFlips = 20;

@@ -59,7 +59,7 @@ SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metr
 
 /// Corner fluxes, 3m×3: row 3j+k is area_j (∇φ_k)ᵀ G_j, the part of div(G_j) at corner k, G_j the
 /// position gradient of triangle j: a vector in the triangle's plane. So div(G_j S_jᵀ) at corner k
-/// is S_j times it. It is made from the metric alone: exact for S_j = const even where the triangle
+/// is S_j times it. It is made of ½ cot times edges: exact for S_j = const even where the triangle
 /// is degenerate or intrinsic, and for all others equal to area_j ∇φ_k, the paper's div(S_jᵀ) (§5:
 /// both right-hand sides lead to the same result).
 Positions corner_divergence(const TriangleMetric& metric, const Positions& positions,

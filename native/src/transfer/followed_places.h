@@ -62,7 +62,7 @@ class FollowedPlaces : public PlaceCorrection {
   /// The motion of a part in a pose.
   struct PartMotion {
     Eigen::Matrix3d mean_gradient;  // mean of S
-    double deviation;               // Σ area ‖S − turn‖²
+    double deviation;               // Σ area ‖S − mean_gradient‖²
   };
   struct AffineMotion {
     Eigen::Matrix3d linear;

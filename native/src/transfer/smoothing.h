@@ -13,7 +13,7 @@ namespace dd {
 /// closely.
 constexpr double kSmoothingLength = 0.01;
 /// A smoothed correction is divided by the smoothed indicator of the vertices that asked for one,
-/// so that smoothing doesn't lessen it; by at least this value, as at the edge of such an area.
+/// so that smoothing doesn't lessen it, but by this value at least: beyond them it falls to 0.
 constexpr double kMinSmoothedIndicator = 0.25;
 /// The least mass of a vertex, as a fraction of the mean mass. Safety: keeps D invertible.
 constexpr double kMinRelativeMass = 1e-3;

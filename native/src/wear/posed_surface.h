@@ -28,10 +28,10 @@ class PosedSurface {
   /// Twice the area of each triangle.
   const Eigen::VectorXd& doubled_areas() const { return doubled_areas_; }
 
-  /// Sums over some triangles, by doubled_areas().
+  /// Sums over triangles; areas are doubled.
   struct Patch {
-    Eigen::RowVector3d normal = Eigen::RowVector3d::Zero();  ///< Σ area n
-    double area = 0;                                         ///< Σ area
+    Eigen::RowVector3d normal = Eigen::RowVector3d::Zero();  ///< Σ 2 A n
+    double area = 0;                                         ///< Σ 2 A
   };
   template <class Range>
   Patch patch(const Range& triangles) const {

@@ -41,7 +41,7 @@ class CoarseSurface {
 
   Region region_;
   std::unique_ptr<FactoredSurface> surface_;
-  // vertices of the fine surface; coarse vertex of each fine one
+  // the fine vertices that are kept; the coarse one that each was merged into, or -1
   std::vector<int> vertex_, of_vertex_;
   std::vector<int> fine_row_;  // row in the fine surface's order of each row
 };
