@@ -97,6 +97,34 @@ TEST_CASE("the result converges as steps grow", "[large]") {
   CHECK(third < 0.7 * second);
 }
 
+/// The angle by which a twisted bar is wound from end to end, followed from ring to ring.
+static double winding(const Mesh& bar, const Positions& wound) {
+  const int sides = 96, rings = 61;
+  double last = 0, turned = 0;
+  for (int ring = 0; ring < rings; ++ring) {
+    double sine = 0, cosine = 0;
+    for (int k = 0; k < sides; ++k) {
+      const Eigen::RowVector3d p = bar.positions.row(ring * sides + k),
+                               q = wound.row(ring * sides + k);
+      cosine += p.head<2>().dot(q.head<2>());
+      sine += p[0] * q[1] - p[1] * q[0];
+    }
+    const double angle = std::atan2(sine, cosine);
+    turned += std::remainder(angle - last, 2 * std::acos(-1.0));
+    last = angle;
+  }
+  return turned;
+}
+
+TEST_CASE("two turns arrive whole in two and in three steps, each of which turns by 180° or more") {
+  auto bar = test::twisted_bar();
+  bar.motion = test::identity();
+  const double turns = 4 * std::acos(-1.0);
+  for (int steps : {2, 3})
+    CHECK(winding(bar.mesh, split(bar, steps, by(MethodKind::detail, true, 0), {0, 0, turns})) ==
+          Approx(turns).epsilon(1e-6));
+}
+
 TEST_CASE("120 degrees and back in 12 steps each returns to rest: the hysteresis is small",
           "[large]") {
   auto one = test::bent_cylinder(120);

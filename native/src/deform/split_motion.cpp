@@ -92,13 +92,18 @@ void require_splittable(const Deformer& bound, const SplitMotion& motion, Method
                 Remedy::call);
 }
 
-UpdateOptions options_of_step(const UpdateOptions& update, int step, int steps) {
+/// screws: of the whole motion; empty for one step.
+UpdateOptions options_of_step(const UpdateOptions& update, const std::vector<ScrewMotion>& screws,
+                              int step, int steps) {
   UpdateOptions options = update;
   if (step < steps) options.output = Output::result;
-  if (steps > 1) {
-    options.turns.clear();  // a step is taken to turn by less than 180°
-    options.free.clear();
+  if (steps == 1) return options;
+  options.turns.clear();
+  for (const ScrewMotion& screw : screws) {
+    const Eigen::Vector3d turn = screw.turn() / steps;
+    options.turns.insert(options.turns.end(), turn.data(), turn.data() + 3);
   }
+  options.free.clear();
   return options;
 }
 
@@ -142,7 +147,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     };
     // Fraction of a step that binding takes: little if the method is slow.
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
-    UpdateOptions options = options_of_step(update, step, motion.steps);
+    UpdateOptions options = options_of_step(update, screws, step, motion.steps);
     options.of_method.progress = [&](double fraction, Stage stage) {
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };

@@ -23,6 +23,9 @@ class ScrewMotion {
   /// M(s): the identity at 0, M at 1.
   Affine at(double s) const;
 
+  /// The rotation of the whole motion, a rotation vector with its whole turns.
+  const Eigen::Vector3d& turn() const { return turn_; }
+
  private:
   Affine motion_;
   Eigen::Vector3d about_, turn_, shift_;  // rotation vector; displacement of the centre
