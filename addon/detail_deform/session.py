@@ -3,6 +3,7 @@
 with the event that ends it, so that none refers to data that are gone, and nothing is left when the add-on is disabled.
 """
 
+import copy
 import enum
 
 
@@ -32,6 +33,18 @@ def kept(memory, until):
     """The memory (a dict, list or set, or what else has clear()), which is cleared at that event."""
     at(until, memory.clear)
     return memory
+
+
+class Values:
+    """Values by name, which go back to the first ones at that event."""
+
+    def __init__(self, until, **first):
+        self._first = first
+        self.clear()
+        at(until, self.clear)
+
+    def clear(self):
+        vars(self).update(copy.deepcopy(self._first))
 
 
 class Memo:
@@ -66,6 +79,3 @@ class Memo:
 
     def drop(self, key):
         self._found.pop(key, None)
-
-    def clear(self):
-        self._found.clear()

@@ -57,3 +57,12 @@ def test_a_memo_drops_the_least_recently_used():
     assert [key for key in 'abcde' if key in memo] == ['e']
     session.ended(DISABLED)
     assert len(memo) == 0
+
+
+def test_values_go_back_to_the_first_ones():
+    values = session.Values(LOADED, owners={}, count=-1)
+    values.owners['a'], values.count = 1, 5
+    session.ended(REPLACED)
+    assert (values.owners, values.count) == ({'a': 1}, 5)
+    session.ended(LOADED)
+    assert (values.owners, values.count) == ({}, -1)

@@ -68,6 +68,7 @@ def refresh(ob, depsgraph, force=False, poses=None):
     subject = Subject(ob, depsgraph, poses)
     if kind.is_outdated(subject):
         check(ob)
+        subject = Subject(ob, depsgraph, poses)  # check() follows groups that were renamed
     if not (kind.has(ob) and kind.is_fit(subject) and (force or node_group.is_shown(subject.modifier, depsgraph))):
         return
     wait, problem, before = must_wait(depsgraph), "", offset_attribute.token(ob.data)

@@ -13,16 +13,8 @@ from ..scene import mesh_data, node_group, world_transforms
 from ..scene.mesh_data import MeshProblem
 from . import frame_results
 
-
-class _Known:
-    members = None  # [object]; None: unknown
-    uses = 0  # user count of the node group at the last search
-
-    def clear(self):
-        self.members = None
-
-
-_known = session.kept(_Known(), session.Until.REPLACED)
+# members: [object], None if unknown. uses: user count of the node group at the last search.
+_known = session.Values(session.Until.REPLACED, members=None, uses=0)
 
 
 def _is_member(ob):

@@ -6,18 +6,8 @@ import bpy
 from .. import session, timers
 from ..scene import selection
 
-
-class _Edited:
-    """Names of the objects that were in Edit Mode, the active one first, and the window in which they were."""
-
-    def __init__(self):
-        self.clear()
-
-    def clear(self):
-        self.names, self.window = [], None
-
-
-_edited = session.kept(_Edited(), session.Until.DISABLED)
+# names: of the objects that were in Edit Mode, the active one first. window: in which they were.
+_edited = session.Values(session.Until.DISABLED, names=[], window=None)
 
 
 def remember_edit_mode(context):

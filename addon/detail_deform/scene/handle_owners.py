@@ -6,19 +6,9 @@ import bpy
 
 from .. import session
 
-
-class _Known:
-    """owners: {address of an empty: name of its handle's object, or None where it moves no handle}. object_count: when
-    they were searched."""
-
-    def __init__(self):
-        self.clear()
-
-    def clear(self):
-        self.owners, self.object_count = {}, -1
-
-
-_known = session.kept(_Known(), session.Until.REPLACED)
+# owners: {address of an empty: name of its handle's object, or None where it moves no handle}. object_count: when they
+# were searched.
+_known = session.Values(session.Until.REPLACED, owners={}, object_count=-1)
 
 
 def handle_of(empty):

@@ -17,20 +17,9 @@ _REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _BAD_COLOUR, _GOOD_COLOUR = (0.9, 0.1, 0.1, 0.9), (0.2, 0.8, 0.2, 0.9)
 _colours = session.kept({}, session.Until.REPLACED)  # {object's name: (key of the content, (n, 4) colours or None)}
-
-
-class _WithPreview:
-    """Names of the objects with a preview, None if they are to be collected, which is slow in large scenes; and the
-    number of objects when they were collected."""
-
-    def __init__(self):
-        self.clear()
-
-    def clear(self):
-        self.names, self.object_count = None, 0
-
-
-_with_preview = session.kept(_WithPreview(), session.Until.REPLACED)
+# names: of the objects with a preview; None: to be collected, which is slow in large scenes. object_count: when they
+# were collected.
+_with_preview = session.Values(session.Until.REPLACED, names=None, object_count=0)
 
 
 class Drawing:
