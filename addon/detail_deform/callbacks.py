@@ -8,12 +8,12 @@ from .ui import preview
 
 
 def content_changed(self, context):
-    lifecycle.check(self.id_data)
+    lifecycle.compare(self.id_data)
 
 
 def region_changed(self, context):
     self.pulled_region = False
-    lifecycle.check(self.id_data)
+    lifecycle.compare(self.id_data)
 
 
 def name_changed(self, context):
@@ -41,7 +41,7 @@ def base_object_changed(self, context):
 
 
 def base_changed(self, context):
-    lifecycle.check(self.id_data)
+    lifecycle.compare(self.id_data)
     binding.targets_changed(self.id_data)
 
 
@@ -54,7 +54,7 @@ def influence_changed(self, context):
 
 
 def method_changed(self, context):
-    lifecycle.check(self.id_data)  # examples are content of one method only
+    lifecycle.compare(self.id_data)  # examples are content of one method only
     result_changed(self, context)
 
 
@@ -63,7 +63,7 @@ def result_changed(self, context):
 
 
 def example_changed(self, context):
-    lifecycle.check(self.id_data)
+    lifecycle.compare(self.id_data)
     result_changed(self, context)
 
 

@@ -16,7 +16,7 @@ def _source_changed(self, context):
 
 
 def _changed(self, context):
-    lifecycle.check(self.id_data)
+    lifecycle.compare(self.id_data)
     lifecycle.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 

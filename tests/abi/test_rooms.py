@@ -103,7 +103,7 @@ def test_both_kinds_of_followers_define_all_that_life_uses():
 
     asked = {node.attr for node in ast.walk(tree('lifecycle'))
              if isinstance(node, ast.Attribute) and getattr(node.value, 'id', None) == 'kind'}
-    assert {'cache', 'has', 'check', 'Frame'} <= asked
+    assert {'cache', 'has', 'compare', 'Frame'} <= asked
     for kind in ('handle_follower', 'source_follower'):
         names = {name for node in tree(kind).body for name in (
             [target.id for target in node.targets] if isinstance(node, ast.Assign) else [getattr(node, 'name', None)])}

@@ -248,8 +248,8 @@ def pull(ob, chosen, **options):
 
 
 def set_factor(part, ob, factor):
-    node_group = part('scene.node_group')
-    owner, name = node_group.factor_property(node_group.find_modifier(ob))
+    deform_modifier = part('scene.deform_modifier')
+    owner, name = deform_modifier.factor_property(deform_modifier.find(ob))
     if name == 'value':  # 5.2 on
         owner.value = factor
     else:

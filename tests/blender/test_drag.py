@@ -50,7 +50,7 @@ def whole(part, ob, turn=-1.2, refine=None):
     deformer = native.Bind(rest.astype(np.float32), part('scene.mesh_data').triangles(ob.data), roles, 1).finish()
     pivot = Matrix.Translation((1, 0.5, 0))
     motion = Matrix.Translation((0, 0, 0.3)) @ pivot @ Matrix.Rotation(turn, 4, 'Y') @ pivot.inverted()
-    asked = {**look.asked(ob.detail_deform), 'turns': np.array([[0, turn, 0]])}
+    asked = {**look.arguments(ob.detail_deform), 'turns': np.array([[0, turn, 0]])}
     if refine is not None:
         asked['refine'] = refine
     shape = rest + deformer.offsets(np.array(motion)[None, :3], **asked).reshape(-1, 3)
@@ -183,7 +183,7 @@ def expected(part, heavy, drag):
 
 def test_a_change_that_asks_for_bind_leaves_the_whole_result(part, heavy, expected):
     heavy.detail_deform.smoothness = 3
-    part('follow.lifecycle').check(heavy)
+    part('follow.lifecycle').compare(heavy)
     update()
     assert heavy.detail_deform.stale
     assert np.abs(evaluated(heavy) - expected).max() < 1e-5

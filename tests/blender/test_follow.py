@@ -247,11 +247,11 @@ def test_factor_scales_the_offsets_and_later_modifiers_see_the_result(part):
     ob = make_strip()
     bind(ob)
     full = lift(ob)
-    node_group = part('scene.node_group')
-    modifier = node_group.find_modifier(ob)
+    deform_modifier, node_inputs = part('scene.deform_modifier'), part('scene.node_inputs')
+    modifier = deform_modifier.find(ob)
     assert modifier.name == 'Detail Deform'
-    assert node_group.factor(modifier) == 1
-    socket = node_group._socket(modifier.node_group, 'Factor')
+    assert deform_modifier.factor(modifier) == 1
+    socket = node_inputs.socket_of(modifier.node_group, 'Factor')
     inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
     if inputs is not None:
         getattr(inputs, socket.identifier).value = 0.25
@@ -259,7 +259,7 @@ def test_factor_scales_the_offsets_and_later_modifiers_see_the_result(part):
         modifier[socket.identifier] = 0.25
     ob.update_tag()
     update()
-    assert node_group.factor(modifier) == 0.25
+    assert deform_modifier.factor(modifier) == 0.25
     assert np.allclose(evaluated(ob), own(ob) + 0.25 * (full - own(ob)), atol=1e-6)
 
     mirror = ob.modifiers.new('Array', 'ARRAY')

@@ -16,11 +16,11 @@ class BindJob:
     """Has the interface of native's jobs. progress() starts the update once the bind has ended. finish() alone, as in a
     render, only binds."""
 
-    def __init__(self, bind, handle_count, asked):
-        """bind: the native.Bind. asked: the options of the update, as of update_options() in library/deformer.py."""
+    def __init__(self, bind, handle_count, arguments):
+        """bind: the native.Bind. arguments: those of the update, as for update_options() of library/deformer.py."""
         self._bind, self._update, self._deformer, self._error = bind, None, None, None
         self._rest = native.at_rest(handle_count)
-        self._asked = asked
+        self._arguments = arguments
         self._lock = threading.Lock()  # a render may call finish() while the window polls progress()
         self.cancelled = False
 
@@ -45,7 +45,7 @@ class BindJob:
             self._error = error
             return False
         try:
-            self._update = self._deformer.update(self._rest, **self._asked)
+            self._update = self._deformer.update(self._rest, **self._arguments)
         except native.NativeError:  # the next update raises it again
             return False
         return True

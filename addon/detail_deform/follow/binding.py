@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bind, Unbind, and the changes of settings that a binding must react to."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, displayed, group_columns, handle_motions, handle_owners, handle_rests,
-                     handle_transforms, mesh_data, node_group, offset_attribute, outside_base, proportions,
+from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_motions, handle_owners,
+                     handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base, proportions,
                      renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
@@ -68,7 +66,7 @@ def _store_rests(subject, roles_of_vertices, wait, keep_rest):
     ob, settings = subject.ob, subject.settings
     poses = _poses(subject, roles_of_vertices, only_new=keep_rest)
     transforms = handle_transforms.local_transforms(subject, poses)
-    # The checks up to handle_follower.refuse() leave the present binding when they raise.
+    # The checks up to clear_binding() leave the present binding when they raise.
     if not keep_rest or subject.has_new_handle:
         handle_motions.check_rest(subject, transforms)
     if settings.base == 'COMPUTED' and keep_rest and subject.has_new_handle:
@@ -76,7 +74,7 @@ def _store_rests(subject, roles_of_vertices, wait, keep_rest):
             raise MeshProblem(f"'{ob.name}' is still being bound, and the added handle starts from the result: wait "
                               "for it, and bind then.")
         lifecycle.settle(ob)  # the final result of the present pose is the new start
-    handle_follower.refuse(ob, "")  # from here on an error leaves no binding
+    handle_follower.clear_binding(settings)  # from here on an error leaves no binding
     if settings.base == 'OBJECT':
         # Blender evaluates a hidden base object only if a modifier depends on it.
         stack.ensure_modifier(ob)
@@ -145,16 +143,16 @@ def go_home(ob, depsgraph, wait):
 
 def show_again(ob):
     """Adds the modifier of a bound object again if it was removed."""
-    if ob.detail_deform.signature and node_group.find_modifier(ob) is None:
+    if ob.detail_deform.signature and deform_modifier.find(ob) is None:
         stack.ensure_modifier(ob)
         influence_changed(ob)
         targets_changed(ob)
 
 
 def influence_changed(ob):
-    modifier = node_group.find_modifier(ob)
+    modifier = deform_modifier.find(ob)
     if modifier:
-        node_group.set_influence(modifier, ob.detail_deform.influence, ob.detail_deform.invert_influence)
+        deform_modifier.set_influence(modifier, ob.detail_deform.influence, ob.detail_deform.invert_influence)
 
 
 def targets_changed(ob):
@@ -169,49 +167,9 @@ def targets_changed(ob):
 
 def _need_base(ob):
     """Makes the modifier depend on the base object's geometry, so that Blender evaluates it along with the surface."""
-    settings, modifier = ob.detail_deform, node_group.find_modifier(ob)
+    settings, modifier = ob.detail_deform, deform_modifier.find(ob)
     if modifier:
-        node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
-
-
-_STATE = ('signature', 'stale', 'problem', 'bound_points', 'compared_handles', 'proportions')
-_OF_MESHES = (offset_attribute.PREVIOUS_OFFSETS, offset_attribute.SHAPE_KEY_OFFSETS)
-
-
-class Kept(NamedTuple):
-    """The state of a binding, to be restored if the bind that replaces it is cancelled."""
-    state: list  # values of _STATE
-    places: list  # values of handle_rests.BINDING_PROPERTIES, for each handle
-    attributes: list  # vectors of the attributes _OF_MESHES; None for each that the mesh lacks
-
-
-def kept(ob):
-    """The present Kept, for restore()."""
-    settings = ob.detail_deform
-    return Kept([getattr(settings, name) for name in _STATE],
-                [[getattr(handle, name)[:] for name in handle_rests.BINDING_PROPERTIES]
-                 for handle in settings.handles],
-                [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
-                 for name in _OF_MESHES])
-
-
-def restore(ob, present):
-    settings = ob.detail_deform
-    for handle, places in zip(settings.handles, present.places):
-        for name, place in zip(handle_rests.BINDING_PROPERTIES, places):
-            setattr(handle, name, place)
-    for name, vectors in zip(_OF_MESHES, present.attributes):
-        if vectors is None:
-            offset_attribute.remove_attribute(ob.data, name)
-        else:
-            offset_attribute.put(ob.data, name, vectors.ravel())
-    for name, value in zip(_STATE, present.state):
-        setattr(settings, name, value)
-    if settings.signature:
-        targets_changed(ob)
-    else:
-        dependency.release(ob)
-    registry.forget()
+        deform_modifier.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
 
 
 def cancel(ob):

@@ -28,8 +28,8 @@ def options(subject):
     settings = subject.settings
     if settings.base == 'OBJECT':
         return outside_base.rest(subject.ob)
-    told = arguments_of(BIND, settings)
-    made = {name: told[name] for name in BindOptions.kinds if name in told}  # in the order of saved signatures
+    of_bind = arguments_of(BIND, settings)
+    made = {name: of_bind[name] for name in BindOptions.kinds if name in of_bind}  # in the order of saved signatures
     try:
         poses = examples.positions(subject.ob)
     except MeshProblem:
@@ -46,14 +46,14 @@ def shape_signature(subject, topology=None):
     return [mesh_data.signature(shape), topology or mesh_data.topology_signature(subject.mesh)]
 
 
-def signature(shape, roles, told):
-    """The whole signature. shape: of shape_signature(). roles: roles.Roles. told: of options()."""
-    told_apart = [roles.of_all]
+def signature(shape, roles, bind_options):
+    """The whole signature. shape: of shape_signature(). roles: roles.Roles. bind_options: of options()."""
+    numbers = [roles.of_all]
     for part in roles.parts[len(roles.parts) == 1 and roles.parts[0].is_whole:]:
-        told_apart += [[len(part.numbers), len(part.roles)], part.numbers, part.roles]
-        told_apart += [] if part.is_whole else [part.vertices]
-        told_apart += [[part.smoothness]] if part.smoothness else []
-    return '.'.join([*shape, mesh_data.signature(np.concatenate(told_apart).astype(np.int32)), _texts(told)])
+        numbers += [[len(part.numbers), len(part.roles)], part.numbers, part.roles]
+        numbers += [] if part.is_whole else [part.vertices]
+        numbers += [[part.smoothness]] if part.smoothness else []
+    return '.'.join([*shape, mesh_data.signature(np.concatenate(numbers).astype(np.int32)), _texts(bind_options)])
 
 
 def _texts(values):

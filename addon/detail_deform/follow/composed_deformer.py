@@ -40,19 +40,19 @@ def nearest_turn(shortest, to):
 class _Composition:
     """The surface during an update, with the offsets of the parts so far."""
 
-    def __init__(self, vertex_count, matrices, asked, width, arriving):
-        """matrices: (h, 3, 4), of all handles. asked: the options of the update. width: of the soft border. arriving:
-        Deformer.arriving."""
+    def __init__(self, vertex_count, matrices, arguments, width, arriving):
+        """matrices: (h, 3, 4), of all handles. arguments: the options of the update. width: of the soft border.
+        arriving: Deformer.arriving."""
         self.offsets = np.zeros((vertex_count, 3), np.float32)
-        self._matrices, self._asked, self._width = matrices, asked, width
-        self._shows_base = asked.get('output') == 'BASE'  # then base displacements are added up without F
+        self._matrices, self._arguments, self._width = matrices, arguments, width
+        self._shows_base = arguments.get('output') == 'BASE'  # then base displacements are added up without F
         self._gradients, self._is_changed = None, False
-        turns = asked.get('turns')
+        turns = arguments.get('turns')
         # (h, 3) rotation vectors. Those of a part that was updated: relative to the surface before its update.
         self._turns = np.zeros((len(matrices), 3)) if turns is None else turns.copy()
         self._turn, self._arriving = self._turns.any(axis=1), arriving
 
-    def asks(self, part):
+    def call_for(self, part):
         """(matrices, options) for the part's update; None if its handles don't move it."""
         matrices, before = np.ascontiguousarray(self._matrices[part.numbers]), None
         self._gradients = None
@@ -60,14 +60,14 @@ class _Composition:
             before = self.offsets[part.rows]
             self._gradients = part.gradients(before)
         matrices = part.relative(matrices, before, self._gradients)
-        told = part.asked(self._asked)
+        arguments = part.update_arguments(self._arguments)
         if self._gradients is not None and self._turn.any():
-            told['turns'] = self._relative_turns(part, told['turns'])
-            self._turns[part.numbers] = told['turns']
+            arguments['turns'] = self._relative_turns(part, arguments['turns'])
+            self._turns[part.numbers] = arguments['turns']
         # With examples also sliders move the surface, and their weights are read after the update.
         moves = (self._shows_base or part.is_moved(matrices) or self._turn[part.numbers].any()
-                 or part.is_whole and told.get('method') == 'EXAMPLES')
-        return (matrices, told) if moves else None
+                 or part.is_whole and arguments.get('method') == 'EXAMPLES')
+        return (matrices, arguments) if moves else None
 
     def _relative_turns(self, part, turns):
         """(h, 3) rotation vectors: how far its handles turn relative to the surface. The surface's own rotation is
@@ -128,26 +128,26 @@ class Deformer:
             return [steps[part.rows][held].mean() for held in part.held]
         return np.zeros(len(part.numbers))
 
-    def offsets(self, matrices, base=None, soft_border=0.0, **asked):
+    def offsets(self, matrices, base=None, soft_border=0.0, **arguments):
         """As native.Deformer.offsets. soft_border: the setting."""
-        surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
+        surface = _Composition(self.vertex_count, matrices, arguments, soft_border, self.arriving)
         for part, made in zip(self._parts, self._made):
-            asks = surface.asks(part)
-            if asks:
+            call = surface.call_for(part)
+            if call:
                 with part.in_numbers_of_all():
-                    surface.add(part, self._offsets(part, made, *asks))
+                    surface.add(part, self._offsets(part, made, *call))
         return surface.offsets.ravel()
 
-    def _offsets(self, part, made, matrices, told):
-        found = made.offsets(matrices, **told)
-        if told.get('output') == 'BASE' and part is not self._parts[0]:
+    def _offsets(self, part, made, matrices, arguments):
+        found = made.offsets(matrices, **arguments)
+        if arguments.get('output') == 'BASE' and part is not self._parts[0]:
             # The base of the first part is shown, with the base displacements of the others.
-            found = found - made.offsets(native.at_rest(len(matrices)), **told)
+            found = found - made.offsets(native.at_rest(len(matrices)), **arguments)
         return found
 
-    def update(self, matrices, wait=False, base=None, soft_border=0.0, **asked):
+    def update(self, matrices, wait=False, base=None, soft_border=0.0, **arguments):
         """As native.Deformer.update."""
-        surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
+        surface = _Composition(self.vertex_count, matrices, arguments, soft_border, self.arriving)
         return _Update(self._parts, self._made, surface, wait)
 
     def example_weights(self):
@@ -207,11 +207,11 @@ class _Update:
         """Starts the update of the next part that is moved, if there is one. Raises native.NativeError."""
         while self._left and not self._job:
             part, made = self._left[0]
-            asks = self._surface.asks(part)
-            if asks:
-                matrices, told = asks
+            call = self._surface.call_for(part)
+            if call:
+                matrices, arguments = call
                 with part.in_numbers_of_all():
-                    self._part, self._job = part, made.update(matrices, wait=self._wait, **told)
+                    self._part, self._job = part, made.update(matrices, wait=self._wait, **arguments)
             self._left.pop(0)
 
     def _take(self):

@@ -27,7 +27,7 @@ def note(members, edited):
 
 def _edited(ob):
     if bpy.app.background:
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
         return
     _to_compare.add(ob.as_pointer())
     _timer.restart()
@@ -37,7 +37,7 @@ def _compare():
     chosen = [ob for ob in registry.members() if _ALL in _to_compare or ob.as_pointer() in _to_compare]
     _to_compare.clear()
     for ob in chosen:
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
     lifecycle.refresh_all(chosen, bpy.context.evaluated_depsgraph_get())
     redraw_panels()
 

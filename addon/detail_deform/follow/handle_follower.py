@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, handle_motions, handle_rests, handle_transforms, mesh_data, mirror_plane,
-                     node_group, offset_attribute, outside_base, renamed_groups, split, start)
+from ..scene import (carried, deform_modifier, dependency, handle_motions, handle_rests, handle_transforms, mesh_data,
+                     mirror_plane, offset_attribute, outside_base, renamed_groups, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
@@ -46,7 +46,7 @@ def others(ob):
 
 # Whether the content is unchanged
 
-def check(ob):
+def compare(ob):
     """Stores how mesh, groups and options differ from those that were bound. Returns a sentence if the binding is lost.
 
     Hashes are compared: swapped vertices and re-painted weights make a difference, an edit that was undone does not.
@@ -57,7 +57,7 @@ def check(ob):
     note_handles(ob)
     stale = binding_content.difference(Subject(ob))
     is_edited = stale in {binding_content.TOPOLOGY_CHANGED, binding_content.VERTICES_MOVED}
-    if is_edited and node_group.find_modifier(ob) is None:
+    if is_edited and deform_modifier.find(ob) is None:
         return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
     if stale == binding_content.VERTICES_MOVED:
@@ -109,7 +109,7 @@ def note_handles(ob):
 
 
 def check_base(ob):
-    """As check(), but compares only the base object's mesh, which may change in every frame."""
+    """As compare(), but only for the base object's mesh, which may change in every frame."""
     of = ob.detail_deform
     if not of.signature or of.base != 'OBJECT' or of.stale not in {"", binding_content.BASE_CHANGED}:
         return
@@ -144,14 +144,14 @@ def begin(subject, signature, found, options, welded):
     triangles = mesh_data.triangles(subject.mesh)
     hung = roles.hung(subject.mesh, found.of_all, triangles)
     written_offsets.know(subject, signature, welded, triangles, hung)
-    told = options | {name: subject.space.to(options[name]) for name in ('examples', 'base') if name in options}
-    told['draft'] = _has_draft(len(hung))
+    of_all = options | {name: subject.space.to(options[name]) for name in ('examples', 'base') if name in options}
+    of_all['draft'] = _has_draft(len(hung))
     parts = binding_content.parts_to_bind(subject, found, welded, triangles, hung)
     if subject.settings.base == 'OBJECT':  # without a first update: the base may have moved by then
-        return native.Bind(*parts[0].bind_arguments(), **told)
-    asked = update_options.quick(with_free(update_options.asked(subject.settings), subject))
-    jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.options(told)), len(part.numbers), part.asked(asked))
-            for part in parts]
+        return native.Bind(*parts[0].bind_arguments(), **of_all)
+    arguments = update_options.quick(with_free(update_options.arguments(subject.settings), subject))
+    jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.bind_options(of_all)), len(part.numbers),
+                    part.update_arguments(arguments)) for part in parts]
     return jobs[0] if parts[0].is_whole and len(parts) == 1 else PartsJob(parts, jobs, len(hung))
 
 
@@ -160,12 +160,12 @@ def _has_draft(vertex_count):
     return vertex_count >= _DRAFT_FROM and not bpy.app.background
 
 
-def with_free(asked, subject):
+def with_free(arguments, subject):
     """The options of an update, with those for free handles if there are any."""
     if not subject.are_free.any():
-        return asked
+        return arguments
     pivots = subject.space.to(handle_motions.pivots(subject))
-    return asked | {'handle_turns': subject.are_free.astype(np.int32), 'pivots': pivots}
+    return arguments | {'handle_turns': subject.are_free.astype(np.int32), 'pivots': pivots}
 
 
 def job(ob):
@@ -175,18 +175,18 @@ def job(ob):
 
 def refuse(ob, sentence):
     """Stores why the object could not be bound, and that it has no binding."""
-    _forget(ob.detail_deform)
+    clear_binding(ob.detail_deform)
     ob.detail_deform.problem = sentence
 
 
-def _forget(of):
+def clear_binding(of):
     of.signature = of.stale = of.problem = of.render_problem = ""
 
 
 def forget(ob):
     """Removes all data of the binding from the object."""
     of = ob.detail_deform
-    _forget(of)
+    clear_binding(of)
     for handle in of.handles:
         for name in handle_rests.BINDING_PROPERTIES:
             handle.property_unset(name)
@@ -219,10 +219,10 @@ class Frame:
         self._only_moved = [subject.handles[number].name for number in np.flatnonzero(only_moved)]
         self._motions, self._base = subject.space.motions(motions), None
         self._transforms = None if of.base == 'OBJECT' else transforms[subject.own]
-        asked, self._soft_border = update_options.asked(of), update_options.soft_border(of)
-        self.key = (of.signature, self._motions.tobytes(), asked.copy(), subject.are_free.tobytes(),
+        arguments, self._soft_border = update_options.arguments(of), update_options.soft_border(of)
+        self.key = (of.signature, self._motions.tobytes(), arguments.copy(), subject.are_free.tobytes(),
                     mirror_plane.signature(subject.ob), self._soft_border)
-        self._asked = with_free(asked, subject)
+        self._arguments = with_free(arguments, subject)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = subject.space.to(outside_base.deformed_positions(subject.ob, subject.depsgraph))
@@ -245,16 +245,16 @@ class Frame:
         """As kind.Frame: the quick result if the method has a slow one, or if share is less than 1."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
-        told = self._told()
+        arguments = self._arguments_of_update()
         if self.is_draft or self._deformer.info.coarse_vertex_count:  # refinement on a coarse mesh is cheap
             share = 1.0
-        asked = update_options.quick(told, share)
-        self.is_hurried = asked.get('refine') != update_options.quick(told).get('refine')
-        found = self._deformer.offsets(self._motions, self._base, **asked)
+        quick = update_options.quick(arguments, share)
+        self.is_hurried = quick.get('refine') != update_options.quick(arguments).get('refine')
+        found = self._deformer.offsets(self._motions, self._base, **quick)
         return written_offsets.offsets(Subject(self._ob), found, self._deformer.fades)
 
-    def _told(self):
-        of_all = {**self._asked, 'turns': self._turns}
+    def _arguments_of_update(self):
+        of_all = {**self._arguments, 'turns': self._turns}
         if self._deformer.fades:
             of_all['soft_border'] = self._soft_border
         return of_all
@@ -273,8 +273,8 @@ class Frame:
         is_slow = update_options.is_slow(of)
         if (is_slow or self.is_hurried) and not self._is_rest():
             record.is_final = False
-            asked = {**self._told(), 'base': self._base}
-            SlowUpdate(self._ob, self._deformer, self._motions, asked, is_slow).run(wait)
+            arguments = {**self._arguments_of_update(), 'base': self._base}
+            SlowUpdate(self._ob, self._deformer, self._motions, arguments, is_slow).run(wait)
 
     def _is_rest(self):
         return self._base is None and np.abs(self._motions - np.eye(4)[:3]).max() < 1e-6 and not self._turns.any()

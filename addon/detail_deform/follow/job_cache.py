@@ -76,7 +76,7 @@ class Cache:
         """Waits for the job and returns the new entry. If the job fails, raises native.NativeError, and again each time
         until forget_failure()."""
         with self._finishing:
-            self.check(content)
+            self.raise_failure(content)
             if content in self._entries:
                 self.let_go(content)
                 return self._entries[content]
@@ -90,7 +90,7 @@ class Cache:
                 raise
             return entry
 
-    def check(self, content):
+    def raise_failure(self, content):
         """Raises native.NativeError if the job has failed before."""
         if content in self._failed:
             failed = self._failed[content]

@@ -47,9 +47,9 @@ class Kind(Protocol):
         """Whether it is updated automatically, without Update being pressed."""
 
     def is_outdated(self, subject):
-        """Whether check() is needed before the next frame."""
+        """Whether compare() is needed before the next frame."""
 
-    def check(self, ob):
+    def compare(self, ob):
         """Compares the present content with the one that was bound. A sentence if the binding is lost, else ''."""
 
     def is_fit(self, subject):

@@ -18,7 +18,7 @@ import bpy
 
 from .. import session, timers
 from ..library import native
-from ..scene import attribute_reaches, node_group, offset_attribute, renamed_groups
+from ..scene import attribute_reaches, deform_modifier, offset_attribute, renamed_groups
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
 from . import drag, frame_results, handle_follower, messages, problem_vertices, registry, slow_results, source_follower
@@ -67,9 +67,9 @@ def refresh(ob, depsgraph, force=False, poses=None):
         return
     subject = Subject(ob, depsgraph, poses)
     if kind.is_outdated(subject):
-        check(ob)
-        subject = Subject(ob, depsgraph, poses)  # check() follows groups that were renamed
-    if not (kind.has(ob) and kind.is_fit(subject) and (force or node_group.is_shown(subject.modifier, depsgraph))):
+        compare(ob)
+        subject = Subject(ob, depsgraph, poses)  # compare() follows groups that were renamed
+    if not (kind.has(ob) and kind.is_fit(subject) and (force or deform_modifier.is_shown(subject.modifier, depsgraph))):
         return
     wait, problem, before = must_wait(depsgraph), "", offset_attribute.token(ob.data)
     try:
@@ -79,7 +79,7 @@ def refresh(ob, depsgraph, force=False, poses=None):
         entry = _made(kind, subject, wait)
         if entry:
             problem = _show(kind, subject, entry, force, wait) or attribute_reaches.why_not(subject)
-        elif not kind.has(ob):  # check() has ended it, and stored why
+        elif not kind.has(ob):  # compare() has ended it, and stored why
             return
     except messages.TOLD as error:
         problem = messages.said(ob, error)
@@ -196,13 +196,13 @@ def settle(ob):
 
 # Whether the content is unchanged
 
-def check(ob):
+def compare(ob):
     """Compares the object's content with the one that was bound, and stores the difference in its settings."""
     kind = kind_of(ob)
     try:
         renamed_groups.update_names(ob)
         renamed_groups.store_names(ob)
-        lost = kind and kind.check(ob)
+        lost = kind and kind.compare(ob)
     except MemoryError:
         return  # the next update reports it
     if lost:
@@ -225,7 +225,7 @@ def _made(kind, subject, wait):
         return entry
     if not cache.under_way(kind.content_of(ob)):
         native.library()
-        check(ob)
+        compare(ob)
         if not (kind.has(ob) and kind.is_fit(subject)):
             return None
     content = kind.content_of(ob)
@@ -233,7 +233,7 @@ def _made(kind, subject, wait):
     if under_way and under_way.cancelled and not wait:
         return None  # starting the same job again would undo the cancel
     if not cache.find(content):
-        cache.check(content)
+        cache.raise_failure(content)
         cache.start(content, lambda: kind.job(ob))
         if wait:  # maybe in the thread of a render, which must not register timers
             return finish(kind, content)
@@ -319,7 +319,7 @@ def end(kind, ob):
     if not _owners(kind, content):
         kind.cache.let_go(content)
     slow_results.cancel(offset_attribute.token(ob.data))
-    modifier = node_group.find_modifier(ob)
+    modifier = deform_modifier.find(ob)
     if modifier:
-        node_group.set_base(modifier, None)
+        deform_modifier.set_base(modifier, None)
     frame_results.show_rest(ob.data)

@@ -4,7 +4,7 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import (attribute_reaches, node_group, offset_attribute, partial_evaluation, saved_match, source_pose,
+from ..scene import (attribute_reaches, deform_modifier, offset_attribute, partial_evaluation, saved_match, source_pose,
                      stack, transferred)
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import forget_foreign
@@ -51,7 +51,7 @@ def start(context, ob, source, matched=None):
     settings.prepared_for = content
     settings.live, ob.detail_deform.begun_as = True, ob.name
     registry.forget()
-    node_group.set_base(modifier, source)  # so that a hidden source is evaluated, too
+    deform_modifier.set_base(modifier, source)  # so that a hidden source is evaluated, too
     binding.influence_changed(ob)
     lifecycle.refresh(ob, context.evaluated_depsgraph_get(), force=True)
     lifecycle.drop_unused()
@@ -63,14 +63,14 @@ def stop(ob):
         return
     lifecycle.end(source_follower, ob)
     if not ob.detail_deform.handles:  # handles would need it at the next Bind
-        node_group.remove_modifier(ob)
+        deform_modifier.remove(ob)
 
 
 def source_changed(ob):
     """To be called when another source was chosen: makes the modifier depend on it."""
-    settings, modifier = ob.detail_deform.transfer, node_group.find_modifier(ob)
+    settings, modifier = ob.detail_deform.transfer, deform_modifier.find(ob)
     if settings.live and modifier:
-        node_group.set_base(modifier, settings.source)
+        deform_modifier.set_base(modifier, settings.source)
 
 
 def state(ob):

@@ -54,12 +54,12 @@ class Part:
         """The positional arguments of native.Bind."""
         return self.positions, self.triangles, self.roles, len(self.numbers)
 
-    def options(self, told):
-        """The options of its native.Bind. told: those of the object."""
+    def bind_options(self, of_all):
+        """The options of its native.Bind. of_all: those of the object."""
         own = {'smoothness': self.smoothness} if self.smoothness else {}
-        return told if self.is_whole else {name: value for name, value in told.items() if name != 'examples'} | own
+        return of_all if self.is_whole else {name: value for name, value in of_all.items() if name != 'examples'} | own
 
-    def asked(self, of_all):
+    def update_arguments(self, of_all):
         """The options of its update. of_all: those of the object."""
         found = {name: value[self.numbers] if name in _OF_HANDLES and value is not None else value
                  for name, value in of_all.items()}

@@ -9,7 +9,7 @@ once. The list is dropped before undo and loading, which replace the objects tha
 import bpy
 
 from .. import session
-from ..scene import mesh_data, node_group, world_transforms
+from ..scene import deform_modifier, mesh_data, world_transforms
 from ..scene.mesh_data import MeshProblem
 from . import frame_results
 
@@ -30,7 +30,7 @@ def _is_there(ob):
 
 def members():
     """All objects of this file that are bound or follow a source."""
-    known, uses = _known.members, node_group.user_count()
+    known, uses = _known.members, deform_modifier.user_count()
     if known is None or uses != _known.uses or not all(map(_is_there, known)):
         known = [ob for ob in bpy.data.objects if _is_member(ob)]
         _known.members, _known.uses = known, uses

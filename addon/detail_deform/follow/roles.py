@@ -13,10 +13,10 @@ from ..scene.mesh_data import MeshProblem
 
 class Roles(NamedTuple):
     of_all: Any  # (n,) int32: index of a handle, ROLE_FREE if free in any part, or ROLE_FIXED
-    parts: list  # of Part
+    parts: list  # of ReachRoles
 
 
-class Part(NamedTuple):
+class ReachRoles(NamedTuple):
     """The handles of one reach, and the roles of vertices for these."""
     numbers: Any  # (k,) indices of the handles among all
     vertices: Any  # (m,) those that aren't fixed, ascending; None: all vertices, if the handles have no reach
@@ -38,7 +38,7 @@ def of(subject, entries=None, welded=None):
     of_all = mesh_data.roles(subject.ob, subject.region, subject.groups, subject.settings.base == 'COMPUTED', entries)
     if not any(names):
         of_all = welded.roles(of_all)
-        return Roles(of_all, [Part(np.arange(len(names)), None, of_all)])
+        return Roles(of_all, [ReachRoles(np.arange(len(names)), None, of_all)])
     reaches, inside = _in_order(subject, entries)
     part_of = np.array([reaches.index(name) for name in names])[np.maximum(of_all, 0)]
     parts, moves, edges = [], np.zeros(len(of_all), bool), welded.representatives(mesh_data.edges(subject.mesh))
@@ -66,15 +66,15 @@ def _in_order(subject, entries):
 
 
 def _part(numbers, of_part, edges, first):
-    """A Part. of_part: (n,) roles of all vertices. first: the first of its handles if it has a reach, else ''."""
+    """A ReachRoles. of_part: (n,) roles of all vertices. first: the first of its handles if it has a reach, else ''."""
     ends = of_part[edges]
     if first and not ((ends == native.ROLE_FREE).any(axis=1) & (ends >= 0).any(axis=1)).any():
         raise MeshProblem(f"Handle '{first.name}': no vertex that is free to follow is beside it "
                           "within its reach. Give its Reach more vertices, or none.")
     if not first:
-        return Part(numbers, None, of_part)
+        return ReachRoles(numbers, None, of_part)
     vertices = np.flatnonzero(of_part != native.ROLE_FIXED)
-    return Part(numbers, vertices, of_part[vertices], FALLOFF_ORDERS[first.falloff])
+    return ReachRoles(numbers, vertices, of_part[vertices], FALLOFF_ORDERS[first.falloff])
 
 
 def hung(mesh, roles, triangles):

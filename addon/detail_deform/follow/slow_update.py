@@ -15,12 +15,12 @@ _PAUSE_SECONDS, _DRAG_PAUSE_SECONDS = 0.3, 0.15
 class SlowUpdate:
     """Work for slow_results. Its result goes to each mesh that still shows the quick one when it is done."""
 
-    def __init__(self, ob, deformer, motions, asked, is_slow):
-        """motions, asked: the arguments of the deformer's update(). is_slow: whether the method or its steps are slow;
-        else a drag has left out refinement."""
+    def __init__(self, ob, deformer, motions, arguments, is_slow):
+        """motions, arguments: those of the deformer's update(), the latter by name. is_slow: whether the method or its
+        steps are slow; else a drag has left out refinement."""
         self.token = offset_attribute.token(ob.data)
         self.deformer = deformer
-        self._motions, self._asked, self._is_slow = motions, asked, is_slow
+        self._motions, self._arguments, self._is_slow = motions, arguments, is_slow
         self.pause = _PAUSE_SECONDS if is_slow else _DRAG_PAUSE_SECONDS
 
     def is_wanted(self):
@@ -37,7 +37,7 @@ class SlowUpdate:
     def start(self, wait):
         """Starts and returns the native.Update. wait: until the deformer is free, where native.NativeError says else
         that it is in use. Raises native.NativeError."""
-        return self.deformer.update(self._motions, wait=wait, **self._asked)
+        return self.deformer.update(self._motions, wait=wait, **self._arguments)
 
     def deliver(self, offsets, info):
         # A copy of a mesh has the same token, so one result may go to several objects.

@@ -78,7 +78,7 @@ def _owner(ob):
     return tuple(block.as_pointer() for block in (source, source.data, ob, ob.data))
 
 
-def check(ob):
+def compare(ob):
     """Computes the signature of the present meshes and settings, and stores it as that of the transfer needed."""
     of = ob.detail_deform.transfer
     if of.source is not None and of.source.type == 'MESH':

@@ -3,7 +3,8 @@
 
 import bpy
 
-from ..scene import attribute_reaches, carried, examples, node_group, offset_attribute, posers, proportions, stack
+from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, examples, offset_attribute, posers,
+                     proportions, stack)
 from ..scene.subject import enabled_handles
 from . import frame_results, handle_follower, hints, messages, slow_results, update_options
 
@@ -129,10 +130,10 @@ def _names(names):
 
 def _remarks(ob, info):
     """Generator of sentences: what may surprise the user about this mesh or this method."""
-    modifier = node_group.find_modifier(ob)
+    modifier = deform_modifier.find(ob)
     is_hidden = modifier is not None and not modifier.show_viewport
     plays_keys = is_hidden and ob.detail_deform.method == 'EXAMPLES' and examples.are_animated(ob)
-    if node_group.find_cache(ob):
+    if cache_modifier.find(ob):
         yield "A baked cache is played in its place: press Go Live to follow the handles again."
         if ob.detail_deform.cached_points not in {"", carried.sample_points(ob.data)}:
             yield ("The mesh's vertices have moved or changed since then, and the cache plays the places of before: "

@@ -11,7 +11,7 @@ _KEPT_OF_SLOW = ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots', '
 _STEPS = next(option for option in options.SETTINGS if option.name == 'steps')
 
 
-def asked(settings):
+def arguments(settings):
     """{name: value} of dd_update_options."""
     found = options.arguments_of(options.UPDATE, settings)
     if settings.method == 'EXAMPLES':
@@ -32,17 +32,17 @@ def why_no_base(settings):
     return "This method has no base surface."
 
 
-def quick(told, share=1.0):
+def quick(given, share=1.0):
     """The options while handles move: a single step, and detail transfer in place of a slow method. share: the part of
     the time of such an update that is available; passes of Refine are left out accordingly."""
-    if told['method'] == 'VOLUMES':
-        kept = {name: told[name] for name in _KEPT_OF_SLOW if name in told}
+    if given['method'] == 'VOLUMES':
+        kept = {name: given[name] for name in _KEPT_OF_SLOW if name in given}
         return {'method': 'DETAIL', 'refine': 0, **kept}
-    found = {**told, 'steps': 1}
+    found = {**given, 'steps': 1}
     passes = found.get('refine')
     if share < 1.0 and passes:  # a pass takes about as long as an update without passes
         # Examples need one pass: without any their handles are met by another method, which would jump.
-        found['refine'] = max(int(share * (passes + 1)) - 1, int(told['method'] == 'EXAMPLES'))
+        found['refine'] = max(int(share * (passes + 1)) - 1, int(given['method'] == 'EXAMPLES'))
     return found
 
 

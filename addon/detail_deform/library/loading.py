@@ -135,12 +135,12 @@ def call(function, *arguments):
 
 
 def _failure(lib, status):
-    told = structs.Failure()
-    lib.dd_last_error(told)
+    failure = structs.Failure()
+    lib.dd_last_error(failure)
     return NativeError(lib.dd_last_message().decode('utf-8', 'replace'), status,
-                       message=told.message.decode('utf-8', 'replace'),
-                       subject=structs.name_of('dd_subject', told.subject), index=told.index,
-                       remedy=structs.name_of('dd_remedy', told.remedy))
+                       message=failure.message.decode('utf-8', 'replace'),
+                       subject=structs.name_of('dd_subject', failure.subject), index=failure.index,
+                       remedy=structs.name_of('dd_remedy', failure.remedy))
 
 
 def filled(kind, **values):

@@ -6,12 +6,12 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ..follow import registry
 from ..results import alembic, bake, keyframed_weights, point_cache
-from ..scene import mesh_data, node_group
+from ..scene import cache_modifier, mesh_data
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
 
 def _usual_path(ob):
-    return point_cache.usual_path(ob, node_group.find_cache(ob))
+    return point_cache.usual_path(ob, cache_modifier.find(ob))
 
 
 class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
@@ -128,7 +128,7 @@ class OBJECT_OT_detail_deform_bake_drop(MeshOperator, bpy.types.Operator):
 
     @classmethod
     def poll_object(cls, ob):
-        if not node_group.find_cache(ob):
+        if not cache_modifier.find(ob):
             cls.poll_message_set("No baked cache is used")
             return False
         return True

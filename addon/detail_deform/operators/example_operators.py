@@ -16,7 +16,7 @@ class OBJECT_OT_detail_deform_examples_from_keys(MeshOperator, bpy.types.Operato
 
     def run(self, context, ob):
         count = examples.add_keys(ob)
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
         self.report({'INFO'}, f"{count:,} {'example' if count == 1 else 'examples'} added")
 
 
@@ -27,7 +27,7 @@ class OBJECT_OT_detail_deform_examples_from_objects(MeshOperator, bpy.types.Oper
 
     def run(self, context, ob):
         examples.add_objects(ob, context.selected_objects)
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
 
 
 class OBJECT_OT_detail_deform_example_remove(MeshOperator, bpy.types.Operator):
@@ -50,7 +50,7 @@ class OBJECT_OT_detail_deform_example_remove(MeshOperator, bpy.types.Operator):
         index = self.index if self.index >= 0 else settings.example_index
         settings.examples.remove(min(index, len(settings.examples) - 1))
         settings.example_index = min(settings.example_index, max(0, len(settings.examples) - 1))
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
 
 
 CLASSES = (OBJECT_OT_detail_deform_examples_from_keys, OBJECT_OT_detail_deform_examples_from_objects,

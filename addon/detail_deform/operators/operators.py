@@ -7,7 +7,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..follow import binding, lifecycle, live_transfer, registry, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
-from ..scene import apply_result, mesh_data, node_group, offset_attribute, saved_match, selection, stack
+from ..scene import (apply_result, cache_modifier, deform_modifier, mesh_data, offset_attribute, saved_match, selection,
+                     stack)
 from ..setup import at_rest, handle_setup, region_setup
 from .operator_base import HandleEmptyOperator, MeshOperator
 
@@ -19,7 +20,7 @@ class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
 
     @classmethod
     def poll_object(cls, ob):
-        if node_group.find_modifier(ob):
+        if deform_modifier.find(ob):
             cls.poll_message_set("The object has Detail Deform already: see Properties > Modifiers")
             return False
         return True
@@ -58,7 +59,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         live_transfer.stop(ob)
         saved_match.forget(ob)
         bake.drop_cache(ob)
-        node_group.remove_modifier(ob)
+        deform_modifier.remove(ob)
         handle_setup.remove_handles(ob, range(len(ob.detail_deform.handles)))
         region_setup.remove_own(ob)
         ob.property_unset('detail_deform')
@@ -116,7 +117,7 @@ class OBJECT_OT_detail_deform_update(HandleEmptyOperator, bpy.types.Operator):
         settings = ob.detail_deform
         if not settings.signature:
             raise mesh_data.MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
         binding.show_again(ob)
         lifecycle.refresh(ob, context.evaluated_depsgraph_get(), force=True)
         if settings.stale or settings.problem:
@@ -126,8 +127,8 @@ class OBJECT_OT_detail_deform_update(HandleEmptyOperator, bpy.types.Operator):
 def _settle_what_is_seen(ob):
     """Waits for the final result. Raises MeshProblem if the live deformation is not what is displayed."""
     mesh_data.check_object(ob)
-    modifier = node_group.find_modifier(ob)
-    if node_group.find_cache(ob):
+    modifier = deform_modifier.find(ob)
+    if cache_modifier.find(ob):
         raise mesh_data.MeshProblem("A baked cache is played in place of the deformation: press Go Live first, or "
                                     "apply the cache's modifier.")
     if modifier and not modifier.show_viewport:
@@ -187,7 +188,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
             apply_result.apply(ob, self.mode)
             binding.unbind(ob)
             live_transfer.stop(ob)
-            node_group.remove_modifier(ob)
+            deform_modifier.remove(ob)
 
 
 class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):

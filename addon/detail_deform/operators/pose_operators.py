@@ -83,10 +83,10 @@ class OBJECT_OT_detail_deform_examples_from_poses(_OfPoses, bpy.types.Operator):
         names, changing = yield from posed_examples.add(
             context, ob, poses, self.count if self.frames == 'DIFFERENT' else 0)
         off = posers.switch_off(ob) if self.switch_off else []
-        lifecycle.check(ob)
-        told = [f"{len(names):,} {'example' if len(names) == 1 else 'examples'} added"]
-        told += [f"{_listed(off)} switched off"] * bool(off)
-        self.report({'INFO'}, '; '.join(told))
+        lifecycle.compare(ob)
+        done = [f"{len(names):,} {'example' if len(names) == 1 else 'examples'} added"]
+        done += [f"{_listed(off)} switched off"] * bool(off)
+        self.report({'INFO'}, '; '.join(done))
         if changing:
             self.report({'WARNING'}, f"The shape keys {_listed(changing[:3])} change with the pose and are part of the "
                                      "examples: mute them, or they act twice.")
@@ -142,7 +142,7 @@ class OBJECT_OT_detail_deform_example_add_missing(MeshOperator, bpy.types.Operat
         settings = ob.detail_deform
         index = min(self.index if self.index >= 0 else settings.missing_index, len(settings.missing_examples) - 1)
         name = missing_examples.add(context, ob, index)
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
         self.report({'INFO'}, f"Example '{name}' added")
 
 

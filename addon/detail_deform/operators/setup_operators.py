@@ -75,7 +75,7 @@ class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator)
         settings, index = ob.detail_deform, self.chosen_index(ob)
         handle_setup.remove_handles(ob, [index])
         settings.handle_index = max(0, min(index, len(settings.handles) - 1))
-        lifecycle.check(ob)
+        lifecycle.compare(ob)
 
 
 class OBJECT_OT_detail_deform_handle_select(_HandleOperator, bpy.types.Operator):

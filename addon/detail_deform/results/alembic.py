@@ -5,7 +5,7 @@ import os
 
 import bpy
 
-from ..scene import files, node_group, pc2
+from ..scene import deform_modifier, files, pc2
 from ..scene.mesh_data import MeshProblem
 from . import bake, frames, point_cache
 
@@ -81,7 +81,7 @@ class _Exported:
     """Context in which only the object is selected, and is visible to an exporter and updated live."""
 
     def __init__(self, context, ob):
-        self._context, self._ob, self._modifier = context, ob, node_group.find_modifier(ob)
+        self._context, self._ob, self._modifier = context, ob, deform_modifier.find(ob)
         self._around = _collections_around(context.scene, ob)
 
     def __enter__(self):

@@ -2,7 +2,7 @@
 """Bakes the deformation of a range of frames to a cache or shape keys, which play without the add-on."""
 
 from ..follow import lifecycle
-from ..scene import carried, mesh_data, node_group, offset_attribute, partial_evaluation, stack
+from ..scene import cache_modifier, carried, deform_modifier, mesh_data, offset_attribute, partial_evaluation, stack
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyframed_shape_keys, point_cache
 
@@ -30,7 +30,7 @@ class _StackUpTo:
 
 def modifier_of(ob):
     """The modifier that shows the deformation of a bound object. Raises MeshProblem if there is none."""
-    modifier = node_group.find_modifier(ob)
+    modifier = deform_modifier.find(ob)
     if not ob.detail_deform.signature or modifier is None:
         raise MeshProblem(f"'{ob.name}' is not bound, so there is nothing to bake: press Bind first.")
     return modifier
@@ -97,13 +97,13 @@ def use_cache(ob, path, start):
     points, before = point_cache.point_count(path), len(ob.data.vertices)
     if points != before and list(ob.modifiers).index(modifier) == 0:
         raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: press Bake again.")
-    cache = node_group.find_cache(ob)
+    cache = cache_modifier.find(ob)
     if cache is None:
-        cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
+        cache = ob.modifiers.new(cache_modifier.NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
     ob.detail_deform.cached_points = carried.sample_points(ob.data)
     stack.move_after(ob, cache, modifier)  # first: at the end of the stack its file may not fit the vertex count
-    node_group.set_up_cache(cache, path, start)
+    cache_modifier.set_up(cache, path, start)
     # A hidden modifier is not updated: this saves its time.
     _show(modifier, False)
     _show(cache, True)
@@ -111,7 +111,7 @@ def use_cache(ob, path, start):
 
 def drop_cache(ob):
     """Removes the cache's modifier, not its file, and shows the live deformation again."""
-    cache, modifier = node_group.find_cache(ob), node_group.find_modifier(ob)
+    cache, modifier = cache_modifier.find(ob), deform_modifier.find(ob)
     if cache:
         ob.modifiers.remove(cache)
         if modifier:
@@ -135,4 +135,4 @@ def _offsets(context, ob, modifier, start, end):
     """Generator of (n, 3): the offsets in each frame, as far as Factor and Influence show them."""
     with _StackUpTo(ob, modifier):
         for _ in over_frames(context, ob, start, end):
-            yield offset_attribute.read(ob.data) * node_group.display_weights(ob, modifier)
+            yield offset_attribute.read(ob.data) * deform_modifier.display_weights(ob, modifier)

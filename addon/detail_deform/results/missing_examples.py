@@ -88,7 +88,7 @@ class _ByHandles:
         of_all = roles.of(subject).of_all
         self._parts = [np.flatnonzero(of_all == number) for number in range(len(subject.handles))]
         self._free, self._is_free = subject.are_free, of_all == native.ROLE_FREE
-        arguments = update_options.asked(settings)
+        arguments = update_options.arguments(settings)
         arguments.pop('example_weights', None)
         self._update_arguments = handle_follower.with_free(update_options.quick(arguments), subject)
         if self._deformer.fades:

@@ -3,15 +3,15 @@
 
 import numpy as np
 
-from . import mesh_data, node_group, offset_attribute
+from . import deform_modifier, mesh_data, offset_attribute
 
 SHAPE_KEY_NAME = 'Detail Deform'
 
 
 def shown_offsets(ob):
     """(n, 3) float32: the offsets times the modifier's Factor and Influence weights."""
-    modifier = node_group.find_modifier(ob)
-    return offset_attribute.read(ob.data) * (node_group.display_weights(ob, modifier) if modifier else 1.0)
+    modifier = deform_modifier.find(ob)
+    return offset_attribute.read(ob.data) * (deform_modifier.display_weights(ob, modifier) if modifier else 1.0)
 
 
 def save_key(ob, name):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether the offset attribute and the influence reach the modifier that displays them."""
 
-from . import node_group, offset_attribute
+from . import deform_modifier, offset_attribute
 
 # Modifiers that may replace their input by another mesh without its attributes. All others keep the attributes.
 _MAY_REPLACE = {'NODES', 'REMESH', 'SKIN', 'MESH_SEQUENCE_CACHE', 'OCEAN', 'FLUID', 'EXPLODE', 'PARTICLE_INSTANCE',
@@ -35,4 +35,4 @@ def influence_gone(ob):
 
 
 def _may_replace(modifier, depsgraph):
-    return modifier.type in _MAY_REPLACE and node_group.is_shown(modifier, depsgraph)
+    return modifier.type in _MAY_REPLACE and deform_modifier.is_shown(modifier, depsgraph)

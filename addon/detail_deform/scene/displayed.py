@@ -6,7 +6,7 @@ empty is placed. With a single armature the motion of the empty's bone is used i
 
 import numpy as np
 
-from . import mesh_data, node_group, partial_evaluation, skin, stack, start
+from . import deform_modifier, mesh_data, partial_evaluation, skin, stack, start
 
 # These add displacements of their own to the positions, so a pull keeps its direction through them. All others map
 # positions to positions, and so rotate a pull too.
@@ -15,7 +15,7 @@ _ADD_DISPLACEMENTS = {'CORRECTIVE_SMOOTH', 'DISPLACE', 'LAPLACIANSMOOTH', 'SHRIN
 
 def _movers(ob):
     """[int]: indices of the shown modifiers that may move vertices, without the deformation's own."""
-    own = node_group.find_modifier(ob)
+    own = deform_modifier.find(ob)
     return [k for k, m in enumerate(ob.modifiers)
             if m.show_viewport and m != own and (m.type in partial_evaluation.MOVERS or m.type == 'NODES')]
 
@@ -46,7 +46,7 @@ def similarities(ob, parts, depsgraph):
             return unknown
         after = mesh_data.positions(mesh)
     # Before the first pull the deformation has no modifier: take the index at which it will be added.
-    modifiers, own = list(ob.modifiers), node_group.find_modifier(ob)
+    modifiers, own = list(ob.modifiers), deform_modifier.find(ob)
     end = modifiers.index(own) + 1 if own else stack.index_of_its_place(ob)
     adders = [use and k >= end and m.type in _ADD_DISPLACEMENTS for k, (m, use) in enumerate(zip(modifiers, used))]
     before = partial_evaluation.positions_with(ob, depsgraph, [use and k < end for k, use in enumerate(used)])

@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import kdtree
 
 from ..library import native
-from . import mesh_data, node_group, split, start
+from . import deform_modifier, mesh_data, split, start
 
 # Seam vertices whose displacements, weighted by inverse squared distance, are averaged for another vertex. More are
 # smoother along the seam, and slower to find.
@@ -17,7 +17,7 @@ _NEIGHBOURS = 4
 
 def _mirrors(ob):
     """[modifier]: the shown Mirror modifiers after the deformation's."""
-    return [m for m in node_group.after(ob) if m.type == 'MIRROR' and m.show_viewport]
+    return [m for m in deform_modifier.after(ob) if m.type == 'MIRROR' and m.show_viewport]
 
 
 def is_mirrored(ob, axis):

@@ -6,7 +6,7 @@ are told where a target lies over it."""
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from . import mesh_data, node_group, partial_evaluation
+from . import deform_modifier, mesh_data, partial_evaluation
 
 _COPIERS = {'ARRAY', 'SCREW', 'NODES'}  # add surface whose correspondence to the source's vertices is unknown
 _SAMPLES = 500  # vertices of the target that are tested; bounds the time
@@ -95,7 +95,7 @@ def find(source):
 def unfollowed(source, followed, points, depsgraph):
     """A sentence where the target lies over surface of the source that is not followed, or ''. followed: (positions,
     triangles) at rest. points: (n, 3) of the target at rest, in the source's local space."""
-    own = node_group.find_modifier(source)
+    own = deform_modifier.find(source)
     copiers = [m.show_viewport and m.type in _COPIERS and m != own for m in source.modifiers]
     if not any(copiers) or not len(points):
         return ""

@@ -7,7 +7,7 @@ Nothing in the file is changed, so it works during a frame change, in a render, 
 
 import contextlib
 
-from . import mesh_data, node_group
+from . import deform_modifier, mesh_data, node_group
 
 # Modifiers that move vertices. All but MESH_SEQUENCE_CACHE keep the vertex count.
 MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM',
@@ -42,13 +42,13 @@ def _show_property(depsgraph):
 def _may_change_count(ob, modifier):
     if modifier.type == 'MESH_SEQUENCE_CACHE':
         return True
-    return modifier.type not in MOVERS | _KEEP_POSITIONS and modifier != node_group.find_modifier(ob)
+    return modifier.type not in MOVERS | _KEEP_POSITIONS and modifier != deform_modifier.find(ob)
 
 
 def _used_with_cut(ob, flag, cut):
     """(k,) bool: the enabled modifiers that are evaluated if modifier number cut is the first to change the vertex
     count: all before it, and after it those of _POINTWISE and the deformation's own."""
-    own = node_group.find_modifier(ob)
+    own = deform_modifier.find(ob)
     return [getattr(m, flag) and (k < cut or m.type in _POINTWISE or m == own) for k, m in enumerate(ob.modifiers)]
 
 

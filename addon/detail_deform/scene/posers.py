@@ -3,7 +3,7 @@
 deforming modifiers. Example poses are evaluated with these alone; later modifiers, and those that change the vertex
 count, act on the result of the examples as they did on the pose."""
 
-from . import node_group, source_pose
+from . import cache_modifier, deform_modifier, source_pose
 from .partial_evaluation import MOVERS
 from .mesh_data import MeshProblem
 
@@ -53,7 +53,7 @@ def remembered(ob):
 
 def _others(ob):
     """[modifier]: all but the add-on's own."""
-    return [m for m in ob.modifiers if m not in (node_group.find_modifier(ob), node_group.find_cache(ob))]
+    return [m for m in ob.modifiers if m not in (deform_modifier.find(ob), cache_modifier.find(ob))]
 
 
 def remember(ob):

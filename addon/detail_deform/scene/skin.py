@@ -4,14 +4,14 @@ move in the space of the unposed mesh, while their empties stand on the posed su
 
 import numpy as np
 
-from . import mesh_data, node_group, posers
+from . import deform_modifier, mesh_data, posers
 from .mesh_data import MeshProblem
 
 
 def _armatures(ob):
     """[modifier]: the Armature modifiers after the deformation, except those disabled in both viewport and renders, as
     after examples have been made of their poses."""
-    return [m for m in node_group.after(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
+    return [m for m in deform_modifier.after(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
             and (m.show_viewport or m.show_render)]
 
 

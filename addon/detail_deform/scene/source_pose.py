@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import mesh_data, node_group, offset_attribute, partial_evaluation
+from . import deform_modifier, mesh_data, offset_attribute, partial_evaluation
 from .mesh_data import MeshProblem
 
 
@@ -53,10 +53,10 @@ def _not_yet_shown(source, mesh, used):
     """(n, 3) float32, or 0: change of the source's own displayed offsets since it was evaluated, if it is itself bound
     or a follower. Exact if the deformation's modifier is the last that moves vertices. used: (k,) bool, the modifiers
     that produced mesh."""
-    modifier = node_group.find_modifier(source)
+    modifier = deform_modifier.find(source)
     if modifier is None or not used[list(source.modifiers).index(modifier)]:
         return np.float32(0)
     change = offset_attribute.read(source.data) - offset_attribute.read(mesh)
     if not change.any():  # before amount(), which is slow with an influence group
         return np.float32(0)
-    return (change * node_group.display_weights(source, modifier)).astype(np.float32)
+    return (change * deform_modifier.display_weights(source, modifier)).astype(np.float32)

@@ -6,7 +6,7 @@ entails."""
 
 import bpy
 
-from . import node_group
+from . import cache_modifier, deform_modifier, node_group
 
 # Read positions from a file.
 _FILE_READERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
@@ -83,7 +83,7 @@ def move_after(ob, modifier, other):
 
 def index_of_its_place(ob):
     """The number of other modifiers that belong before the deformation's."""
-    own = node_group.find_modifier(ob), node_group.find_cache(ob)
+    own = deform_modifier.find(ob), cache_modifier.find(ob)
     others = [other for other in ob.modifiers if other not in own]
     last = max((k for k, other in enumerate(others) if other.type in _MUST_PRECEDE or overwrites(other)), default=-1)
     first_user = next((k for k, other in enumerate(others) if other.type not in _FILE_READERS), len(others))
@@ -92,14 +92,14 @@ def index_of_its_place(ob):
 
 def move_to_its_place(ob):
     """Moves the deformation's modifier to its place in the stack, and its baked cache directly after it."""
-    modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
+    modifier, cache = deform_modifier.find(ob), cache_modifier.find(ob)
     move_to(ob, modifier, index_of_its_place(ob))
     if cache:
         move_after(ob, cache, modifier)
 
 
 def _shown_before(ob, types):
-    modifiers, modifier = list(ob.modifiers), node_group.find_modifier(ob)
+    modifiers, modifier = list(ob.modifiers), deform_modifier.find(ob)
     earlier = modifiers[:modifiers.index(modifier)] if modifier else ()
     return [other for other in earlier if other.type in types and other.show_viewport]
 
@@ -117,8 +117,8 @@ def misplaced_before(ob):
 
 def overwriting_after(ob):
     """[modifier]: the shown ones after the deformation's that overwrite its result."""
-    cache = node_group.find_cache(ob)
-    return [other for other in node_group.after(ob) if other != cache and other.show_viewport and overwrites(other)]
+    cache = cache_modifier.find(ob)
+    return [other for other in deform_modifier.after(ob) if other != cache and other.show_viewport and overwrites(other)]
 
 
 def is_misplaced(ob):
@@ -144,13 +144,13 @@ def why_misplaced(ob):
 
 def names_kept_after(ob):
     """[str]: names of the modifiers after the deformation's that must not come before it."""
-    return [other.name for other in node_group.after(ob) if other.type in _HARM_BEFORE]
+    return [other.name for other in deform_modifier.after(ob) if other.type in _HARM_BEFORE]
 
 
 def ensure_modifier(ob):
     """The deformation's modifier; if there is none, it is added at its place in the stack."""
-    is_new = node_group.find_modifier(ob) is None
-    modifier = node_group.ensure_modifier(ob)
+    is_new = deform_modifier.find(ob) is None
+    modifier = deform_modifier.ensure(ob)
     if is_new and len(ob.modifiers) > 1:
         move_to_its_place(ob)
     return modifier

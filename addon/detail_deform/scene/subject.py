@@ -5,7 +5,7 @@ import functools
 
 import numpy as np
 
-from . import handle_rests, mesh_data, node_group, proportions
+from . import deform_modifier, handle_rests, mesh_data, proportions
 from .mesh_data import MeshProblem
 
 
@@ -30,7 +30,7 @@ class Subject:
     @functools.cached_property
     def modifier(self):
         """The modifier that displays the result, or None."""
-        return node_group.find_modifier(self.ob)
+        return deform_modifier.find(self.ob)
 
     @functools.cached_property
     def space(self):

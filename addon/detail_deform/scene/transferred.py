@@ -3,7 +3,7 @@
 
 import json
 
-from . import apply_result, node_group, stack
+from . import apply_result, cache_modifier, stack
 from .mesh_data import MeshProblem
 
 CACHE_NAME = "Detail Deform Transfer"
@@ -95,7 +95,7 @@ def use_cache(target, path, start):
     if cache is None:
         cache = target.modifiers.new(CACHE_NAME, 'MESH_CACHE')
         stack.move_to(target, cache, 0)
-    node_group.set_up_cache(cache, path, start)
+    cache_modifier.set_up(cache, path, start)
 
 
 def check_not_shown(target):

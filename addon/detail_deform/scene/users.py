@@ -3,20 +3,20 @@
 
 import bpy
 
-from . import node_group
+from . import deform_modifier, node_group, node_inputs
 
 
 def needed_groups(ob, names):
     """{str}: those of these vertex groups that modifiers, shape keys, particles, physics, nodes or constraints refer
     to, apart from Detail Deform. Blender keeps no such list: all string properties are compared with the names."""
-    ours, keys = node_group.find_modifier(ob), ob.data.shape_keys
+    ours, keys = deform_modifier.find(ob), ob.data.shape_keys
     modifiers = [modifier for modifier in ob.modifiers if modifier != ours]
     found = set()
     for struct in (*modifiers, *(keys.key_blocks if keys else ()), *ob.particle_systems):
         found.update(_texts(struct), *map(_texts, _parts(struct)))
     for modifier in modifiers:
         if modifier.type == 'NODES':
-            found |= node_group.texts(modifier)
+            found |= node_inputs.texts(modifier)
             found.update(socket.default_value for node in node_group.nodes_of(modifier.node_group)
                          for socket in node.inputs if socket.type == 'STRING')
     for other in bpy.data.objects:
@@ -29,7 +29,7 @@ def needed_groups(ob, names):
 def needed_empties(ob, empties):
     """{object}: those of these empties that anything but the object's handles refers to, other than as a parent. One
     pass through the file, as bpy.data.user_map() leaks references to its result in 3.4."""
-    wanted, ours = set(empties), node_group.find_modifier(ob)
+    wanted, ours = set(empties), deform_modifier.find(ob)
     found = set()
     for other in bpy.data.objects:
         owners = (other, *(other.pose.bones if other.pose else ()))

@@ -155,7 +155,7 @@ def assign(ob, handle):
         raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
     handle.own_group = selection.fill_own_group(
         ob, handle.own_group, not shares_group(ob, handle, handle.own_group), handle.name, chosen)
-    lifecycle.check(ob)
+    lifecycle.compare(ob)
     if handle.vertex_group != handle.own_group:
         handle.vertex_group = handle.own_group
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..follow import binding, handle_follower, registry
+from ..follow import binding, binding_state, handle_follower, registry
 from ..library.options import FALLOFF_ORDERS
-from ..scene import mesh_data, mirror_plane, node_group, selection
+from ..scene import deform_modifier, mesh_data, mirror_plane, selection
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, mirroring, region_setup
 
@@ -64,7 +64,7 @@ class Pull:
         known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles."""
         self.radius, self.remarks, self._falloff = radius, [], falloff
         self._context, self._ob, self._surface = context, ob, surface
-        self._had_modifier = node_group.find_modifier(ob) is not None
+        self._had_modifier = deform_modifier.find(ob) is not None
         self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
         self._edited = list(context.objects_in_mode)
 
@@ -78,7 +78,7 @@ class Pull:
             yield 0.0
             bpy.ops.object.mode_set(mode='OBJECT')
             yield 0.0
-            region, earlier = region_setup.snapshot(ob), binding.kept(ob)
+            region, earlier = region_setup.snapshot(ob), binding_state.present(ob)
             registry.check_mesh(ob)
             self._mirror()
             yield 0.0
@@ -171,10 +171,10 @@ class Pull:
         if region:
             region_setup.restore(ob, region)
         if not self._had_modifier:
-            node_group.remove_modifier(ob)
+            deform_modifier.remove(ob)
         settings.handle_index = self._index
         if earlier:
-            binding.restore(ob, earlier)
+            binding_state.restore(ob, earlier)
         self._context.view_layer.objects.active = ob
         unselected = [other for other in self._edited if not other.select_get()]
         for other in unselected:

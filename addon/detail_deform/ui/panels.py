@@ -5,7 +5,7 @@ import bpy
 
 from ..declared import COMPARED
 from ..follow import frame_results, handle_follower, hints, problem_vertices, slow_results, status, update_options
-from ..scene import handle_owners, node_group, offset_attribute, stack
+from ..scene import cache_modifier, deform_modifier, handle_owners, offset_attribute, stack
 from . import examples_panel
 from .parts import ModifierPanel, ToggleListMixin, draw_options, draw_text
 from .registration import registration
@@ -50,7 +50,7 @@ def draw_state(layout, context, ob):
         row.enabled = not under_way.cancelled
         row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
         return
-    if node_group.find_cache(ob):
+    if cache_modifier.find(ob):
         return
     if update_options.is_slow(settings) and slow_results.progress(offset_attribute.token(ob.data)) is not None:
         row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
@@ -74,13 +74,13 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
 
     def draw_settings(self, context, layout, ob, settings):
         draw_state(layout, context, ob)
-        if node_group.find_cache(ob):
+        if cache_modifier.find(ob):
             layout.operator('object.detail_deform_bake_drop', icon='PLAY')
             return
         column = layout.column()
         draw_options(column, context, settings, 'METHOD')
-        modifier = node_group.find_modifier(ob)
-        factor = modifier and node_group.factor_property(modifier)
+        modifier = deform_modifier.find(ob)
+        factor = modifier and deform_modifier.factor_property(modifier)
         if factor:
             column.prop(*factor, text="Factor", slider=True)
         row = column.row(align=True)

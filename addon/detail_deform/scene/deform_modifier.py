@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Geometry Nodes modifier that displays the result: found, added, removed, and its settings."""
+
+import bpy
+import numpy as np
+
+from . import mesh_data, node_group, node_inputs
+
+
+def find(ob):
+    for modifier in ob.modifiers:
+        if modifier.type == 'NODES' and modifier.node_group and node_group.is_own(modifier.node_group):
+            return modifier
+    return None
+
+
+def after(ob):
+    """[modifier]: those after the deformation's in the stack; all if it has none yet."""
+    modifiers, modifier = list(ob.modifiers), find(ob)
+    return modifiers[modifiers.index(modifier) + 1:] if modifier else modifiers
+
+
+def user_count():
+    """Number of users of the add-on's node groups in this file; it changes when modifiers come or go."""
+    return sum(group.users for group in bpy.data.node_groups if node_group.is_own(group))
+
+
+def is_shown(modifier, depsgraph):
+    """Whether a modifier, or None, has an effect in the viewport, or in renders where the depsgraph is a render's."""
+    return modifier is not None and (
+        modifier.show_render if depsgraph.mode == 'RENDER' else modifier.show_viewport)
+
+
+def ensure(ob):
+    """The deformation's modifier with the nodes of this version; added at the end of the stack if there is none."""
+    modifier = find(ob)
+    if modifier and node_group.is_current(modifier.node_group):
+        return modifier
+    if modifier is None:
+        modifier = ob.modifiers.new(node_group.NAME, 'NODES')
+        modifier.show_expanded = False
+        modifier.show_on_cage = True  # so that selecting for the next pull happens on the displayed surface
+    modifier.node_group = node_group.ensure()
+    return modifier
+
+
+def remove(ob):
+    """Removes the deformation's modifier, and its node group if it has no other user."""
+    modifier = find(ob)
+    if modifier is None:
+        return
+    group = modifier.node_group
+    ob.modifiers.remove(modifier)
+    if group.users == 0:
+        bpy.data.node_groups.remove(group)
+
+
+def factor_property(modifier):
+    """(data, property) of the modifier's Factor for layout.prop(); None if its node group has none."""
+    socket = node_inputs.socket_of(modifier.node_group, 'Factor')
+    if socket is None:
+        return None
+    identifier, inputs = socket.identifier, node_inputs.values_of(modifier)
+    return (getattr(inputs, identifier), 'value') if inputs is not None else (modifier, f'["{identifier}"]')
+
+
+def factor(modifier):
+    """The modifier's Factor; 1 if it has no numeric value, as when an attribute supplies it."""
+    return float(node_inputs.value(modifier, 'Factor'))
+
+
+def display_weights(ob, modifier):
+    """The factor by which offsets are displayed: a number, or (n, 1) per vertex where there is an influence group."""
+    name, invert = node_inputs.value(modifier, 'Influence'), bool(node_inputs.value(modifier, 'Invert'))
+    if not name:
+        return factor(modifier)
+    weights = np.zeros(len(ob.data.vertices), np.float32)
+    if name in ob.vertex_groups:
+        weights = mesh_data.group_weights(ob, [name])[0]
+    return factor(modifier) * (1 - weights if invert else weights)[:, None]
+
+
+def set_influence(modifier, group_name, invert):
+    node_inputs.set_value(modifier, 'Influence', group_name)
+    node_inputs.set_value(modifier, 'Invert', invert)
+
+
+def set_base(modifier, base):
+    """Makes the object depend on the geometry of base, an object or None."""
+    node_inputs.set_value(modifier, 'Base', base)
