@@ -62,18 +62,18 @@ def test_a_failure_is_remembered_until_it_is_forgotten(cache):
         with pytest.raises(NativeError, match="no memory left"):
             cache.finish('a')
     with pytest.raises(NativeError, match="no memory left"):
-        cache.check('a')
+        cache.raise_failure('a')
     assert job.finished == 1 and cache.find('a') is None
     cache.keep({'a'})
     with pytest.raises(NativeError):
-        cache.check('a')
+        cache.raise_failure('a')
     cache.forget_failure('a')
-    cache.check('a')
+    cache.raise_failure('a')
     begin(cache, 'a', fails="There is no memory left.")
     with pytest.raises(NativeError):
         cache.finish('a')
     cache.keep(set())  # no follower needs 'a' any more
-    cache.check('a')
+    cache.raise_failure('a')
 
 
 def test_a_cancelled_job_may_be_replaced_by_a_new_one(cache):

@@ -20,7 +20,8 @@ namespace dd::api {
 // Counts are at most INT32_MAX / 16, so that derived sizes, which are small multiples, fit int32.
 constexpr size_t kMostElements = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
 
-constexpr uint32_t kLargestStruct = 4096;  // bytes, far beyond any of ours
+// Bytes. Safety: refuses a size that was never set. The largest struct has less than 200.
+constexpr uint32_t kLargestStruct = 4096;
 
 /// Reads a caller's struct: as many bytes as both sides know; the rest, or all of it where null is
 /// given, has the defaults.
@@ -165,6 +166,7 @@ inline Similarity read_similarity(const char* name, const double* values) {
   read.rotation = matrix.leftCols<3>() / read.scale;
   read.shift = matrix.col(3);
   const Eigen::Matrix3d product = read.rotation.transpose() * read.rotation;
+  // Safety: allows for matrices made in single precision, as Blender's are (1e-7), and for decimals.
   require(matrix.allFinite() && read.scale > 0 && product.isIdentity(1e-4),
           std::string(name) + " is not a rotation or reflection with a scale and a shift");
   return read;

@@ -7,8 +7,9 @@ namespace dd::api {
 
 namespace {
 
-constexpr int kMostExamples = 1000;
-constexpr int kMostIterations = 10000;
+// Safety: these refuse arguments that were read from the wrong memory. In use are some ten examples
+// and at most some hundred iterations.
+constexpr int kMostExamples = 1000, kMostIterations = 10000;
 
 std::vector<Positions> read_examples(const dd_bind_options& options, size_t vertex_count) {
   const size_t count = options.example_count;

@@ -104,6 +104,7 @@ std::vector<Eigen::Matrix3d> BaseProxy::corner_gradients(const Positions& deform
     if (stand_in < 0) continue;
     const Eigen::Matrix3d F =
         edges_and_normal(deformed, rest_.triangles, stand_in) * rest_inverses_[size_t(stand_in)];
+    // Safety: a corner all of whose triangles are without area has the mean of their stand-ins.
     const double weight = std::max(areas_[j], 1e-30);
     for (int k = 0; k < 3; ++k) {
       gradients[rest_.triangles(j, k)] += weight * F;

@@ -7,9 +7,9 @@ namespace dd {
 
 namespace {
 
-// Absolute, in the unit box: a handle with a smaller extent along a principal axis counts as flat
-// there. Thousands of times the rounding of double-precision positions, so that no basis function
-// is made of rounding alone.
+// Least extent of a handle along a principal axis, in the unit box. Safety: 4,500 times the rounding
+// of a double of size 1. Coordinates along a shorter axis would be rounding errors, and the basis
+// function solved for them, too.
 constexpr double kMinHandleExtent = 1e-12;
 
 }  // namespace

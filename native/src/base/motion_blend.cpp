@@ -69,6 +69,7 @@ Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
   const double half = 0.5 * turn.norm();
   Eigen::Quaterniond q;
   q.w() = std::cos(half);
+  // Safety: below 1e-8 sin(x) / x is 1 in double precision.
   q.vec() = (half > 1e-8 ? 0.5 * std::sin(half) / half : 0.5) * turn;
   return q;
 }

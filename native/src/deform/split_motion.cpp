@@ -16,6 +16,7 @@ ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
                          const Eigen::Vector3d& turn, int handle)
     : motion_(motion), about_(about) {
   const Eigen::Matrix3d A = motion.leftCols<3>();
+  // Safety: with a smaller ratio of volumes the rotation of A is rounding.
   if (!(A.determinant() > 1e-12 * std::pow(A.norm(), 3)))
     throw Error(Status::argument, {Subject::handle, handle},
                 "flattens or mirrors, which can't be split into steps: use one step", Remedy::call);
@@ -31,12 +32,13 @@ ScrewMotion::Affine ScrewMotion::at(double s) const {
   // and a turn about the point at (d⊥ + cot(θ/2) a × d⊥) / 2 from it.
   const double angle = turn_.norm();
   Eigen::Vector3d moved = s * shift_;
+  // Safety: the axis of a smaller angle is rounding, and so is the difference of the paths.
   if (angle > 1e-9) {
     const Eigen::Vector3d axis = turn_ / angle, slide = axis * axis.dot(shift_);
     const Eigen::Vector3d across = shift_ - slide;
     const double half = std::sin(angle / 2);
     // Whole turns with a displacement across the axis are no screw motion: then the centre moves
-    // along a straight line.
+    // along a straight line. Safety: below 1e-6 the pivot is a million displacements away.
     if (std::abs(half) > 1e-6) {
       const Eigen::Vector3d pivot =
           0.5 * (across + std::cos(angle / 2) / half * axis.cross(across));
@@ -145,7 +147,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     const auto tell = [&](double within_step, Stage stage) {
       return !progress || progress(before + within_step * (now - before), stage);
     };
-    // Fraction of a step that binding takes: little if the method is slow.
+    // Fraction of a step that binding takes, for the progress alone: little if the method is slow.
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
     UpdateOptions options = options_of_step(update, screws, step, motion.steps);
     options.of_method.progress = [&](double fraction, Stage stage) {

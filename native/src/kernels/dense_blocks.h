@@ -54,9 +54,10 @@ inline void products(int count, const double* p, int stride, MatrixView q, int c
   for (int f = 0; f < RowBlocks; ++f) give(f, sums[f]);
 }
 
-/// Computes the rows begin to end − 1 of up to four columns of P Qᵀ in blocks of 4 rows:
-/// give(row, number of rows, sums). count(end): the inner dimension for rows before `end`, as P may
-/// be triangular. Reads P up to the next multiple of 4 rows from begin: see kReadBeyond.
+/// Computes rows begin to end − 1 of up to four columns of P Qᵀ, 4 rows at a time, and calls
+/// give(first row, number of rows, products) for each 4. count(end) returns how many columns of P
+/// and Q are multiplied for rows before `end`: all of them, or fewer where P is triangular. The
+/// last 4 rows may extend beyond P: see kReadBeyond.
 template <class Count, class Give>
 inline void each_four(int begin, int end, const Count& count, const double* p, int stride,
                       MatrixView q, int columns, const Give& give) {
@@ -147,6 +148,7 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
               });
     for (int k = j; k < j + columns; ++k) {
       const double pivot = *at(k, k);
+      // Also refuses infinity and NaN. Safety: squares of what is divided by its root stay finite.
       if (!(pivot > bounds[k]) || !(pivot < 1e300)) return k;
       const double root = Eigen::numext::sqrt(pivot);
       *at(k, k) = root;

@@ -30,13 +30,12 @@ template <class Real>
 inline Three<Real> cross(const Three<Real>& u, const Three<Real>& v) {
   return {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
 }
-/// (first [r]× + second [r]×²) v.
+/// (a [r]× + b [r]×²) v, which is (exp r − I) v for a = sin |r| / |r|, b = (1 − cos |r|) / |r|².
 template <class Real>
-inline Three<Real> turned(const Three<Real>& r, const InLanes<Real>& first,
-                          const InLanes<Real>& second, const Three<Real>& v) {
+inline Three<Real> rotated_by(const Three<Real>& r, const InLanes<Real>& a, const InLanes<Real>& b,
+                              const Three<Real>& v) {
   const Three<Real> once = cross(r, v), twice = cross(r, once);
-  return {first * once.x + second * twice.x, first * once.y + second * twice.y,
-          first * once.z + second * twice.z};
+  return {a * once.x + b * twice.x, a * once.y + b * twice.y, a * once.z + b * twice.z};
 }
 
 template <class Real>
@@ -92,11 +91,12 @@ struct PoseInLanes {
         sine(in_lanes(pose.sine)),
         versine(in_lanes(pose.versine)),
         cubic(in_lanes(pose.cubic)) {}
-  /// (exp r − I) v.
-  Three<Real> turned(const Three<Real>& v) const { return dd::turned(turn, sine, versine, v); }
-  /// The spin a of d exp(r) = [a]× exp(r) for dr = by: the left Jacobian applied to by.
-  Three<Real> spin(const Three<Real>& by) const {
-    return by + dd::turned(turn, versine, cubic, by);
+  /// exp(r) v − v, by which the pose's rotation moves v.
+  Three<Real> moved(const Three<Real>& v) const { return rotated_by(turn, sine, versine, v); }
+  /// If the rotation vector r changes by dr, the rotation changes by d exp(r) = [a]× exp(r) with
+  /// this a, the left Jacobian of the exponential map times dr.
+  Three<Real> spin(const Three<Real>& dr) const {
+    return dr + rotated_by(turn, versine, cubic, dr);
   }
   Three<Real> turn;
   InLanes<Real> sine, versine, cubic;
@@ -151,7 +151,7 @@ void example_pose(const ExampleView<Real>& view, int begin, int end, const Real*
     for (int column = 0; column < 6; column += 3) {
       const Three<Real> rest = three<Real>(block.rest + column);
       const Three<Real> own = {stretch[column], stretch[column + 1], stretch[column + 2]};
-      const Three<Real> changed = own + in.turned(rest + own);
+      const Three<Real> changed = own + in.moved(rest + own);
       put(pose.change + column, changed);
       put(pose.gradient + column, rest + changed);
     }
@@ -200,17 +200,21 @@ void example_derivative(const ExampleView<Real>& view, int example, int begin, i
         continue;
       }
       const Three<Real> stretch = three<Real>(change.stretch + column);
-      put(derivative + column, spun + (stretch + in.turned(stretch)));
+      put(derivative + column, spun + (stretch + in.moved(stretch)));
     }
     add_divergence<Real>(view.blocks[b], derivative, view.blocks[b].target, rows);
   }
 }
 
-/// The misfit's part of the second derivatives,
-/// misfit · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k, with a_i the spin by example i, K
-/// symmetric, made of the misfit and the pose's gradient, and t_i made of the misfit and the
-/// stretch of example i. Neglects the spins' own derivatives, which vanish if all examples turn
-/// about one axis.
+/// The second derivatives of the gradients T(w) by the weights of examples i and k, multiplied by
+/// the misfit f and summed,
+///
+///   f · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k,   K = ½ Σ (f_c g_cᵀ + g_c f_cᵀ) − tr(·) I,
+///   t_i = Σ (exp(r) s_ic) × f_c,
+///
+/// where a_i is the spin() by example i, f_c and g_c are the columns of f and of the pose's
+/// gradient, and s_ic those of example i's stretch. Neglects the derivatives of a_i, which vanish
+/// if all examples turn about one axis.
 template <class Real>
 inline void take_second_order(const ExampleView<Real>& view, int b,
                               ExampleSecondOrder<Real>* second_order) {
@@ -233,7 +237,7 @@ inline void take_second_order(const ExampleView<Real>& view, int b,
     if (!pose.rotation_only)
       for (int column = 0; column < 6; column += 3) {
         const Three<Real> stretch = three<Real>(change->stretch + column);
-        pull = pull + cross(stretch + in.turned(stretch), three<Real>(misfit + column));
+        pull = pull + cross(stretch + in.moved(stretch), three<Real>(misfit + column));
       }
     put(second_order[i].spin, a);
     put(second_order[i].stretch_pull, pull);

@@ -18,7 +18,8 @@ constexpr double kWeightWithoutGoal = 0.05;
 // counterpart drag the rest along; with a smaller one, posed parts are left behind.
 constexpr double kOutlierMedians = 8;
 
-/// Whether a point of a triangle lies on a border.
+/// Whether a point of a triangle lies on a border. Safety: rounding leaves weights of points on an
+/// edge below 1e-9, but not at 0.
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
   for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
     if (point.barycentric[(k + 2) % 3] < 1e-9 &&

@@ -54,6 +54,7 @@ bool are_collinear(const Positions& points) {
   const Eigen::Matrix3d moments = arms.transpose() * arms;
   const Eigen::Vector3d spread =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
+  // Safety: points within a thousandth of their extent of a line determine no rotation about it.
   return !(spread[1] > 1e-6 * spread[2]);
 }
 

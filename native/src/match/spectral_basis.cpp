@@ -19,6 +19,7 @@ constexpr int kSubspaceIterations =
 RowMatrix orthonormal(const RowMatrix& functions, const Eigen::VectorXd& masses) {
   const Eigen::MatrixXd weighted = masses.asDiagonal() * functions;
   Eigen::MatrixXd products = functions.transpose() * weighted;
+  // Safety: the factor exists even where columns depend on each other.
   products.diagonal().array() += 1e-14 * products.trace();
   const Eigen::LLT<Eigen::MatrixXd> factor(products);
   return factor.matrixL().solve(functions.transpose()).transpose();

@@ -66,6 +66,7 @@ double largest_stretch(const Mesh& rest, const Positions& now, Index j, double a
                       (8 * area * area * area_growth);
   const double growth = area_now / (area * area_growth);
   const double half_difference = std::sqrt(std::max(0.0, half * half - growth * growth));
+  // Safety: bounds the inverse for a triangle that was flattened, to a stretch of 1e6.
   const double least_stretch = std::max(half - half_difference, 1e-12);
   return std::sqrt(std::max(half + half_difference, 1 / least_stretch));
 }

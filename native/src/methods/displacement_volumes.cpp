@@ -68,7 +68,7 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& pr
   for (int r = 0; r < order.free_count; ++r)
     masses_[r] = bound.operators.masses[order.vertex_of_row[r]];
   rest_volumes_ = Vector::Zero(order.free_count);
-  rest_volumes_ = missing_volumes(bound.rest, bound.rest_base);
+  rest_volumes_ = volume_changes(bound.rest, bound.rest_base);
   mean_height_ = rest_volumes_.cwiseAbs().sum() / masses_.sum();
   if (mean_height_ < 1e-9) return;  // in the unit box, rounding: S is its own base
 
@@ -86,8 +86,8 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& pr
   }
 }
 
-DisplacementVolumes::Vector DisplacementVolumes::missing_volumes(const Rows& surface,
-                                                                 const Rows& base) {
+DisplacementVolumes::Vector DisplacementVolumes::volume_changes(const Rows& surface,
+                                                                const Rows& base) {
   const int free_count = bound_.order().free_count;
   Vector volumes = -rest_volumes_;
   for (Index j = 0; j < free_triangles_.rows(); ++j) {
@@ -203,9 +203,9 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   const auto check_cancelled = [&] { report(options.progress, done, Stage::restoring); };
   converged_ = false;
   for (int step = 0; step < options.volume_iterations && !converged_; ++step) {
-    const Vector missing = missing_volumes(surface, frame.base);
+    const Vector changes = volume_changes(surface, frame.base);
     Rows change =
-        restoring_displacement(jacobian_product(shift) - missing, check_cancelled) - shift;
+        restoring_displacement(jacobian_product(shift) - changes, check_cancelled) - shift;
     const double largest = change.cwiseAbs().maxCoeff() / mean_height_;
     if (!std::isfinite(largest))
       throw Error(Status::numeric,
@@ -223,7 +223,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     check_cancelled();
   }
   volume_error_ =
-      missing_volumes(surface, frame.base).cwiseAbs().sum() / rest_volumes_.cwiseAbs().sum();
+      volume_changes(surface, frame.base).cwiseAbs().sum() / rest_volumes_.cwiseAbs().sum();
   frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 

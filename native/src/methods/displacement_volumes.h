@@ -35,7 +35,7 @@ class DisplacementVolumes : public Method {
 
   /// W − W_rest of the free rows. Also stores the volumes' gradients at this surface in
   /// volume_gradients_.
-  Vector missing_volumes(const Rows& surface, const Rows& base);
+  Vector volume_changes(const Rows& surface, const Rows& base);
   Rows transposed_jacobian_product(const Vector& multipliers) const;  // Jᵀ λ, J = ∂W/∂p
   Vector jacobian_product(const Rows& displacement) const;            // J x
   /// An approximation of (J H⁻¹ Jᵀ)⁻¹ residual.

@@ -34,6 +34,7 @@ TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) 
     const Eigen::Vector3d e1 = mesh.positions.row(corner[1]).transpose() - first;
     const Eigen::Vector3d e2 = mesh.positions.row(corner[2]).transpose() - first;
     const Eigen::Vector3d cross = e1.cross(e2);
+    // Safety: the direction of a smaller cross product is rounding.
     if (!(cross.norm() > 1e-9 * std::max(e1.squaredNorm(), e2.squaredNorm())))
       throw Error(Status::mesh, {Subject::triangle, triangles[static_cast<size_t>(i)]},
                   "has no area, so it has no fourth point", Remedy::dissolve_faces);

@@ -153,6 +153,7 @@ class Bisector {
       low = std::min(low, x);
       high = std::max(high, x);
     }
+    // A little less than `bins`, so that the highest position falls into the last bin.
     const double scale = high > low ? (bins - 1e-6) / (high - low) : 0;
     for (int i = begin; i < end; ++i)
       at_[order_[i]].bin =

@@ -11,9 +11,9 @@ namespace dd {
 /// them first takes as long. Aligned to cache lines, so that no vector load of a stream straddles
 /// two.
 ///
-/// Does not ask for huge pages. They save some percent of the time for a factor of 100 MB in memory
-/// used before, but cost a fifth of a bind of a gigabyte in a virtual machine that has returned its
-/// memory to the host: this then backs each huge page by small ones.
+/// Does not ask for huge pages. Measured: if the process has used the memory before, they save some
+/// percent of the time for a factor of 100 MB. In a virtual machine whose host has to provide the
+/// memory first, a bind that takes a gigabyte is a fifth slower with them.
 template <class Value>
 class RawArray {
  public:

@@ -95,6 +95,7 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
   const Spread of(from, weights), onto(to, weights);
   const Eigen::Matrix3d covariance = onto.arms.transpose() * weights.asDiagonal() * of.arms;
   const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(covariance).singularValues();
+  // Safety: within a thousandth of a line, the rotation about it is decided by errors.
   const bool on_a_line = !(values[1] > 1e-6 * values[0]);
   return with_rotation(
       on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(covariance), of,

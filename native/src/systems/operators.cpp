@@ -31,7 +31,8 @@ struct Layout {
   bool degenerate;
 };
 
-/// Three coincident corners define no shape: an arbitrary finite one, marked as degenerate.
+/// Three coincident corners define no shape. This arbitrary one has nearly equal sides, so that its
+/// cotangents are of ordinary size, and is so small that it adds nothing to masses.
 Layout in_one_place(const Layout& layout) {
   return {layout.apex, layout.first, layout.second, 1e-100, 0.5e-100, 0.8e-100, true};
 }
@@ -185,6 +186,7 @@ Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangl
       masses[t(j, k)] += 0.25 * area * ((alpha + beta) * gamma + (alpha + gamma) * beta);
     }
   }
+  // Safety: the mass is divided by in K = L M⁻¹ L, and is 0 at vertices of triangles without area.
   const double floor = 1e-8 * masses.sum() / n;
   return masses.cwiseMax(floor);
 }

@@ -76,6 +76,7 @@ void validate(const TetMesh& mesh) {
                << " to compute with: give the mesh another unit";
       throw Error(Status::mesh, sentence.str());
     }
+    // Safety: the rounding error of the volume is up to some 1e-15 of that cube.
     if (!(std::abs(signed_volume(mesh, j)) > 1e-14 * longest * longest * longest))
       throw Error(Status::mesh, name + " has no volume");
   }

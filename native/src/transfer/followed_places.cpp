@@ -13,7 +13,8 @@ namespace dd {
 namespace {
 
 // As fractions of the diagonal of the target's box:
-constexpr double kDetailLength = 0.015;  // smoothing length that splits ō from d
+// The smoothing length that splits the difference of shape ō from the detail d, see the class.
+constexpr double kDetailLength = 0.015;
 // τ: ‖(S − M) ō‖ that halves a correction's weight. A larger one follows the source's places more
 // often, a smaller one the gradients.
 constexpr double kShapeTolerance = 0.003;
@@ -255,7 +256,8 @@ void FollowedPlaces::close_contacts(const Positions& source_positions, Positions
   for (Index r = 0; r < placed.rows(); ++r) placed.row(r) = result.row(vertices_[size_t(r)]);
   for (int round = 0; round < kClosingRounds; ++round) {
     const Rows displacements = contacts_->closing_displacements(source_positions, placed, pool_);
-    // Divided by the smoothed weights, so that a gap's narrow rim is moved all the way.
+    // x holds the smoothed displacement and the smoothed indicator of the vertices that have one.
+    // Their quotient moves even the narrow rim of a gap all the way.
     factor_->solve_rows([&](int r) { return masses_[r] * displacements.row(r); },
                         [&](int r, const auto* x) {
                           const double indicator = std::max(double(x[3]), kMinSmoothedIndicator);

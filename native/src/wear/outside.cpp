@@ -63,6 +63,7 @@ Outside::Outside(const PosedSurface& surface, const AabbTree& tree,
                  const std::vector<PointOnTriangle>& seeds, ThreadPool& pool)
     : surface_(surface), seeds_(surface.mesh(), seeds) {
   const Mesh& mesh = surface.mesh();
+  // Safety: a triangle without area would have no width, and an infinite weight.
   const double least_area = 1e-6 * surface.doubled_areas().mean();
   Positions centres(mesh.triangle_count(), 3);
   for (Index j = 0; j < centres.rows(); ++j) {

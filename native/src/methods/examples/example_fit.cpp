@@ -145,7 +145,8 @@ Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, 
   // Weights are scaled by √D_i, so that damping affects examples of any size alike.
   const Eigen::VectorXd weight_units = at.sizes.cwiseSqrt().cwiseInverse();
   const auto unit = weight_units.asDiagonal();
-  // Relative increase of the energy that is put down to rounding.
+  // Relative increase of the energy that is put down to rounding. Safety: some ten times the
+  // rounding unit of Real and, in double precision, of a sum over the triangles.
   const double rounding = sizeof(Real) == sizeof(float) ? 1e-6 : 1e-12;
   double damping = 0;
   Eigen::MatrixXd hessian;

@@ -56,6 +56,7 @@ VectorXd limited_step(const Eigen::MatrixXd& H, const VectorXd& s, const VectorX
       continue;
     }
     const VectorXd new_gradient = H * x + s;
+    // Safety: smaller multipliers are rounding, by whose sign limits would be released in turn.
     double strongest = 1e-12 * (s.cwiseAbs().maxCoeff() + new_gradient.cwiseAbs().maxCoeff());
     Index released = -1;
     for (Index i = 0; i < count; ++i) {

@@ -41,6 +41,7 @@ Eigen::Vector3d weights_in(const Mesh& mesh, int j, const Eigen::RowVector3d& po
   const Eigen::RowVector3d a = p.row(t(j, 0)), u = p.row(t(j, 1)) - a, v = p.row(t(j, 2)) - a,
                            x = point - a;
   const double uu = u.dot(u), uv = u.dot(v), vv = v.dot(v), det = uu * vv - uv * uv;
+  // det / (|u|² |v|²) is sin² of the angle at a. Safety: below an angle of 1e-6 it is rounding.
   if (!(det > 1e-12 * uu * vv)) return {-1e9, -1e9, -1e9};
   const double s = (vv * x.dot(u) - uv * x.dot(v)) / det, r = (uu * x.dot(v) - uv * x.dot(u)) / det;
   return {1 - s - r, s, r};
@@ -74,7 +75,7 @@ PointOnTriangle point_near(const Mesh& mesh, const VertexTriangles& fans,
   // One-rings that are searched, the first of them around the given vertex.
   constexpr int kMostRings = 3;
   PointOnTriangle best;
-  double least = -1e8;
+  double least = -1e8;  // above the -1e9 of triangles without area
   for (int step = 0; step < kMostRings; ++step) {
     const double before = least;
     for (int j : fans.of(vertex)) {
