@@ -113,7 +113,7 @@ def _show(kind, subject, entry, force, wait):
     start, record = time.perf_counter(), frame_results.by(subject.mesh)
     frame = kind.Frame(subject, entry.made, record)
     share = 1.0 if force or wait else drag.share(entry.full_ms)
-    if not force and record is not None and (record.key, record.is_draft) == (frame.key, frame.is_draft) and (
+    if not force and record is not None and _is_result_of(record, frame) and (
             record.will_do(wait, share) or not wait and _is_to_follow(subject.mesh, record)):
         return record.problem
     record = frame_results.show(subject.mesh, frame.offsets(share), frame.key)
@@ -124,6 +124,11 @@ def _show(kind, subject, entry, force, wait):
         entry.full_ms = entry.update_ms
     frame.written(record, wait)
     return record.problem
+
+
+def _is_result_of(record, frame):
+    """Whether the mesh shows a result of this frame's input, by the same kind of deformer."""
+    return (record.key, record.is_draft) == (frame.key, frame.is_draft)
 
 
 def _is_to_follow(mesh, record):
