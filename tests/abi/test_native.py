@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -120,12 +121,22 @@ def test_cancel(native):
 
 
 def test_a_bind_dropped_while_it_runs_is_cleaned_up(native):
+    def threads():
+        return len(os.listdir('/proc/self/task')) if sys.platform.startswith('linux') else 0
+
+    before = threads()
     mesh = Strip(4000)
     for _ in range(3):
-        native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1).close()
+        native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1, threads=2).close()
     del mesh
-    unfinished = native.Bind(*(lambda m: (m.positions, m.triangles, m.roles))(Strip(4000)), 1)
+    unfinished = native.Bind(*(lambda m: (m.positions, m.triangles, m.roles))(Strip(4000)), 1, threads=2)
     del unfinished
+    # What one made would keep its threads. The system lists a thread for a moment after its end.
+    for _ in range(1000):
+        if threads() <= before:
+            break
+        time.sleep(0.01)
+    assert threads() <= before
 
 
 @pytest.mark.parametrize('change, sentence', [

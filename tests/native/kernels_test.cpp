@@ -6,8 +6,36 @@
 #include <vector>
 
 #include "catch.h"
+#include "dense_reference.h"
 
 using namespace dd;
+
+namespace {
+
+/// The deformation gradient (15) of a lane's triangle, whose corners are the first three rows at
+/// rest, from its rest shape in the plane z = 0 to the rows of positions that sources name.
+template <class Real>
+Eigen::Matrix3d deformation_gradient_of(const TriangleShape<Real>& shape,
+                                        const int32_t (&source)[3][kLanes], int lane,
+                                        const std::vector<double>& positions) {
+  const double length = 1.0 / shape.inverse_length[lane];
+  const double height = length / shape.inverse_height[lane];
+  Positions rest(3, 3), now(3, 3);
+  rest << 0, 0, 0, length, 0, 0, shape.shear[lane] * height, height, 0;
+  for (int k = 0; k < 3; ++k)
+    for (int c = 0; c < 3; ++c) now(k, c) = positions[size_t(4 * source[k][lane] + c)];
+  Triangles one(1, 3);
+  one << 0, 1, 2;
+  return test::deformation_gradient(rest, now, one, 0);
+}
+
+/// A row x y z w, of any length.
+template <class Real>
+Eigen::Quaterniond quaternion(const Real* row) {
+  return {double(row[3]), double(row[0]), double(row[1]), double(row[2])};
+}
+
+}  // namespace
 
 TEST_CASE("the kernels for this machine are the widest it has") {
 #ifdef DD_HAVE_AVX2_KERNELS
@@ -94,6 +122,13 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
       kBaselineKernels.blend(count, 8, weights.data(), coefficients.data(), rest.data(), a.data());
       kAvx2Kernels.blend(count, 8, weights.data(), coefficients.data(), rest.data(), b.data());
       CHECK(close(a, b));
+      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+      const auto matrix = [](const std::vector<double>& of, int rows) {
+        return RowMajor(Eigen::Map<const RowMajor>(of.data(), rows, Index(of.size()) / rows));
+      };
+      const RowMajor expected =
+          matrix(rest, count) + matrix(weights, count) * matrix(coefficients, 8);
+      CHECK((matrix(a, count) - expected).cwiseAbs().maxCoeff() < 1e-14);
       // The bits of a row don't depend on where its range begins.
       for (int r = 0; r < count; ++r)
         kAvx2Kernels.blend(1, 8, weights.data() + 8 * r, coefficients.data(), rest.data() + 4 * r,
@@ -116,10 +151,27 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     }
     const auto base = numbers(4 * 20, double());
     for (bool rotation_only : {false, true}) {
-      auto a = numbers(4 * 20, double()), b = a;
+      const auto start = numbers(4 * 20, double());
+      auto a = start, b = start, expected = start;
       plain.gradient_pass(3, blocks.data(), base.data(), rotation_only, a.data());
       wide.gradient_pass(3, blocks.data(), base.data(), rotation_only, b.data());
       CHECK(close(a, b));
+      // The same by (15) and singular values. A triangle's fluxes sum to zero.
+      for (const auto& block : blocks)
+        for (int lane = 0; lane < kLanes; ++lane) {
+          Eigen::Matrix3d S = deformation_gradient_of(block.shape, block.source, lane, base);
+          if (rotation_only) S = test::polar_rotation(S);
+          for (int k = 0; k < 3; ++k)
+            for (int corner = 0; corner < 2; ++corner) {
+              if (k != corner && k != 2) continue;
+              const auto& flux = block.flux[corner];
+              const Eigen::Vector3d turned =
+                  S * Eigen::Vector3d(flux[0][lane], flux[1][lane], flux[2][lane]);
+              for (int c = 0; c < 3; ++c)
+                expected[size_t(4 * block.target[k][lane] + c)] += k == 2 ? -turned[c] : turned[c];
+            }
+        }
+      CHECK(close(a, expected));
     }
   }
   SECTION("poses by example") {
@@ -210,6 +262,25 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     plain.rotation_pass(3, blocks.data(), positions.data(), a.data());
     wide.rotation_pass(3, blocks.data(), positions.data(), b.data());
     CHECK(close(a, b));
+    // The rotation by singular values, in the frame at rest; the quaternion of that frame has any
+    // length here, which is kept.
+    double worst = 0, least_w = 1;
+    for (int row = 0; row < 3 * kLanes; ++row) {
+      const RotationBlock<Real>& block = blocks[size_t(row / kLanes)];
+      const int lane = row % kLanes;
+      const Real of_rest[] = {block.from_rest[0][lane], block.from_rest[1][lane],
+                              block.from_rest[2][lane], block.from_rest[3][lane]};
+      const Eigen::Quaterniond from_rest = quaternion(of_rest);
+      const Eigen::Quaterniond found = quaternion(&a[size_t(4 * row)]);
+      const Eigen::Matrix3d expected = test::polar_rotation(deformation_gradient_of(
+                                           block.shape, block.source, lane, positions)) *
+                                       from_rest.normalized().toRotationMatrix();
+      worst = std::max({worst, std::abs(found.norm() - from_rest.norm()),
+                        (found.normalized().toRotationMatrix() - expected).norm()});
+      least_w = std::min(least_w, found.w());
+    }
+    CHECK(worst < 50 * tolerance);
+    CHECK(least_w >= 0);
     auto right = numbers(4 * 20, double()), right_wide = right;
     plain.rotated_flux_pass(3, turns.data(), a.data(), right.data());
     wide.rotated_flux_pass(3, turns.data(), a.data(), right_wide.data());
@@ -230,6 +301,15 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
 #endif
 
 TEST_CASE("the mean of rotations does not depend on the signs of their quaternions") {
+  // Nor does flux that is turned by a mean: by the rotation matrix of the sum of three.
+  RotatedFluxBlock<double> turned = {};
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int k = 0; k < 3; ++k) {
+      turned.corner[k][lane] = (lane + 2 * k) % 6;
+      turned.target[k][lane] = 3 * lane + k;
+      for (int corner = 0; corner < 2; ++corner)
+        turned.flux[corner][k][lane] = std::sin(1.0 + lane + 3 * k + 7 * corner);
+    }
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-0.1, 0.1);
   const std::vector<int> starts = {0, 6};
@@ -253,6 +333,23 @@ TEST_CASE("the mean of rotations does not depend on the signs of their quaternio
     }
     kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),
                                   mean.data());
+    Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+    for (int q = 0; q < 6; ++q)
+      sum += of_each[q] * Eigen::Map<const Eigen::Vector4d>(&rotations[4 * size_t(q)]);
+    CHECK((Eigen::Map<const Eigen::Vector4d>(mean.data()) - sum.normalized()).norm() < 1e-14);
+    std::vector<double> expected_flux;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      sum.setZero();
+      for (int k = 0; k < 3; ++k)
+        sum += Eigen::Map<const Eigen::Vector4d>(&rotations[4 * size_t(turned.corner[k][lane])]);
+      const Eigen::Matrix3d R = quaternion(sum.data()).normalized().toRotationMatrix();
+      Eigen::Matrix<double, 4, 3> of_corners = Eigen::Matrix<double, 4, 3>::Zero();
+      for (int corner = 0; corner < 2; ++corner)
+        for (int c = 0; c < 3; ++c) of_corners(c, corner) = turned.flux[corner][c][lane];
+      of_corners.topRows<3>() = R * of_corners.topRows<3>();
+      of_corners.col(2) = -of_corners.col(0) - of_corners.col(1);
+      expected_flux.insert(expected_flux.end(), of_corners.data(), of_corners.data() + 12);
+    }
     // Every second quaternion has the other sign, as beyond half a turn.
     for (int q = round % 2; q < 6; q += 2)
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] *= -1;
@@ -261,5 +358,11 @@ TEST_CASE("the mean of rotations does not depend on the signs of their quaternio
     double cosine = 0;
     for (int c = 0; c < 4; ++c) cosine += mean[c] * flipped_mean[c];
     CHECK(std::abs(std::abs(cosine) - 1) < 1e-12);
+    std::vector<double> flux(expected_flux.size());
+    kernels().full.rotated_flux_pass(1, &turned, rotations.data(), flux.data());
+    double worst = 0;
+    for (size_t i = 0; i < flux.size(); ++i)
+      worst = std::max(worst, std::abs(flux[i] - expected_flux[i]));
+    CHECK(worst < 1e-14);
   }
 }

@@ -275,7 +275,18 @@ TEST_CASE("NORMAL counts vertices that no height over the base represents") {
   CHECK(mesh.positions(normal.unrepresented.front(), 2) > 0);
   Affine lift = test::identity();
   lift(2, 3) = 0.3;
-  CHECK(surface(deformer, {lift}, by(MethodKind::normal)).allFinite());
+  const Positions lifted = surface(deformer, {lift}, by(MethodKind::normal));
+  // The lift of half the border tilts the ball, which moves no part of it farther than the border.
+  CHECK((lifted - mesh.positions).rowwise().norm().maxCoeff() < 1.1 * 0.3);
+  // Turning all, with what was fixed for a second handle, turns the result.
+  for (int& role : roles)
+    if (role == kFixed) role = 1;
+  Deformer held(mesh, roles, 2, {});
+  const Affine turn = test::rotation_about(2.1, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
+  Affine both = turn;
+  both.col(3) += turn.leftCols<3>() * lift.col(3);
+  CHECK(test::largest_difference(surface(held, {both, turn}, by(MethodKind::normal)),
+                                 test::transformed(turn, lifted)) < 1e-9);
 }
 
 TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit") {
@@ -353,8 +364,17 @@ TEST_CASE("VOLUMES tells how far it is, can be cancelled, and says when it stopp
   options.of_method.volume_tolerance = 1e-9;
   surface(deformer, {plane.motion}, options);
   CHECK(!deformer.findings(MethodKind::volumes).converged);
-  // Where the surface is its own base there is no volume to keep.
+  // Where the surface is its own base there is no volume to keep. It goes where the base goes,
+  // which is sheared as its border is.
   const Mesh flat = test::grid(21, 21, [](double, double) { return 0.0; });
-  Deformer bare(flat, test::strip_roles(21, 21, 3, 18), 1, {});
-  CHECK(surface(bare, {plane.motion}, by(MethodKind::volumes)).allFinite());
+  std::vector<int> border(21 * 21, kFree);
+  for (int i = 0; i < 21; ++i)
+    for (int j = 0; j < 21; ++j)
+      if (std::min({i, j, 20 - i, 20 - j}) < 3) border[i * 21 + j] = 0;
+  Affine shear = test::identity();
+  shear(2, 0) = 0.5;
+  Deformer bare(flat, border, 1, {});
+  CHECK(test::largest_difference(surface(bare, {shear}, by(MethodKind::volumes)),
+                                 test::transformed(shear, flat.positions)) < 1e-9);
+  CHECK(bare.findings(MethodKind::volumes).converged);
 }

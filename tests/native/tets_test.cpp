@@ -2,13 +2,13 @@
 #include "systems/tets.h"
 
 #include <Eigen/Dense>
+#include <cmath>
 #include <random>
 
 #include "cases.h"
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "reconstruction/fourth_points.h"
 
 using namespace dd;
 using test::Affine;
@@ -47,6 +47,26 @@ TetMesh shaken_block(int side, double amount, unsigned seed) {
     for (int k = 0; k < 4; ++k) mesh.tets(Index(j), k) = tets[j][size_t(k)];
   return mesh;
 }
+
+/// G and D by other formulas than the core's: a tetrahedron's corners, with ones, are a 4×4 matrix
+/// whose inverse holds the gradients of the barycentric coordinates, and whose determinant is six
+/// times the volume.
+struct DenseTets {
+  Eigen::MatrixXd G, D;
+  explicit DenseTets(const TetMesh& mesh)
+      : G(Eigen::MatrixXd::Zero(3 * mesh.tet_count(), mesh.vertex_count())),
+        D(Eigen::MatrixXd::Zero(G.rows(), G.rows())) {
+    for (Index j = 0; j < mesh.tet_count(); ++j) {
+      Eigen::Matrix4d corners = Eigen::Matrix4d::Ones();
+      for (int k = 0; k < 4; ++k) corners.block<1, 3>(k, 0) = mesh.positions.row(mesh.tets(j, k));
+      const Eigen::Matrix4d inverse = corners.inverse();
+      for (int k = 0; k < 4; ++k)
+        G.block<3, 1>(3 * j, mesh.tets(j, k)) += inverse.block<3, 1>(0, k);
+      D.block<3, 3>(3 * j, 3 * j) =
+          std::abs(corners.determinant()) / 6 * Eigen::Matrix3d::Identity();
+    }
+  }
+};
 
 /// Both ends along x held: one fixed, one handle 0.
 std::vector<int> ends(const TetMesh& mesh, int side) {
@@ -91,12 +111,10 @@ TEST_CASE("the Poisson system equals a dense one and reproduces positions from t
 
   std::srand(3);
   const RowMatrix wanted = RowMatrix::Random(3 * mesh.tet_count(), 3);
-  const Eigen::MatrixXd G = gradient(mesh);
-  Eigen::MatrixXd D = Eigen::MatrixXd::Zero(G.rows(), G.rows());
-  for (Index j = 0; j < mesh.tet_count(); ++j)
-    D.block<3, 3>(3 * j, 3 * j) = volumes(mesh)[j] * Eigen::Matrix3d::Identity();
-  const Positions expected =
-      test::dense_solve(G.transpose() * D * G, bent, roles, G.transpose() * D * wanted);
+  const DenseTets dense(mesh);
+  CHECK((Eigen::MatrixXd(gradient(mesh)) - dense.G).cwiseAbs().maxCoeff() < 1e-12);
+  const Eigen::MatrixXd div = dense.G.transpose() * dense.D;
+  const Positions expected = test::dense_solve(div * dense.G, bent, roles, div * wanted);
   CHECK(test::largest_difference(poisson.solve(bent, wanted), expected) < 1e-9);
 }
 
@@ -217,14 +235,25 @@ TEST_CASE("fourth points weighted by volumes are the Poisson system of the tetra
     UpdateOptions options = by(MethodKind::detail, rotation_only);
     options.of_method.formulation = Formulation::fourth_points;
     const Positions result = test::surface(deformer, {motion}, options);
-    // The same by gradient(solid) over all triangles, and by dense gradients of the base.
-    std::vector<int> all(static_cast<size_t>(mesh.triangle_count()));
-    std::iota(all.begin(), all.end(), 0);
-    const TetMesh solid = with_fourth_points(mesh, all);
+    // The same over all triangles, on dense matrices. A fourth point is over the first corner, at
+    // the height √(2 area) along the normal.
+    const int n = mesh.vertex_count(), m = mesh.triangle_count();
+    TetMesh solid{mesh.positions, Tetrahedra(m, 4)};
+    solid.positions.conservativeResize(n + m, 3);
+    for (int j = 0; j < m; ++j) {
+      const auto corner = mesh.triangles.row(j);
+      const Eigen::Vector3d a = mesh.positions.row(corner[0]), b = mesh.positions.row(corner[1]),
+                            c = mesh.positions.row(corner[2]);
+      const double l = (b - a).norm(), along = (c - a).dot(b - a) / l;
+      const double height = std::sqrt((c - a).squaredNorm() - along * along);
+      solid.positions.row(n + j) =
+          a + std::sqrt(l * height) * test::triangle_normal(mesh.positions, mesh.triangles, j);
+      solid.tets.row(j) << corner[0], corner[1], corner[2], n + j;
+    }
     std::vector<int> solid_roles = roles;
-    solid_roles.resize(static_cast<size_t>(solid.vertex_count()), kFree);
-    const TetPoisson poisson(solid, solid_roles, 1, gradient(solid), volumes(solid));
-    RowMatrix gradients(3 * solid.tet_count(), 3);
+    solid_roles.resize(static_cast<size_t>(n + m), kFree);
+    const DenseTets dense(solid);
+    Eigen::MatrixXd gradients(3 * m, 3);
     const Positions base = deformer.base(), deformed_base = deformer.deformed_base();
     for (Index j = 0; j < mesh.triangles.rows(); ++j) {
       Eigen::Matrix3d S = test::deformation_gradient(base, deformed_base, mesh.triangles, j);
@@ -234,7 +263,9 @@ TEST_CASE("fourth points weighted by volumes are the Poisson system of the tetra
     Positions constrained = solid.positions;
     for (int v = 0; v < mesh.vertex_count(); ++v)
       if (roles[v] == 0) constrained.row(v) = test::transformed(motion, mesh.positions.row(v));
-    const Positions expected = poisson.solve(constrained, gradients).topRows(mesh.vertex_count());
-    CHECK(test::largest_difference(result, expected) < 1e-9);
+    const Eigen::MatrixXd div = dense.G.transpose() * dense.D;
+    const Positions expected =
+        test::dense_solve(div * dense.G, constrained, solid_roles, div * gradients);
+    CHECK(test::largest_difference(result, expected.topRows(n)) < 1e-9);
   }
 }
