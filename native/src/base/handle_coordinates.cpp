@@ -7,9 +7,9 @@ namespace dd {
 
 namespace {
 
-// Least extent of a handle along a principal axis, in the unit box. Safety: 4,500 times the rounding
-// of a double of size 1. Coordinates along a shorter axis would be rounding errors, and the basis
-// function solved for them, too.
+// Least extent of a handle along a principal axis, in the unit box. Safety: 4,500 times the
+// rounding of a double of size 1. Coordinates along a shorter axis would be rounding errors, and
+// the basis function solved for them, too.
 constexpr double kMinHandleExtent = 1e-12;
 
 }  // namespace

@@ -36,8 +36,8 @@ namespace dd {
 ///   (ℓ² L + D) Δ = D t (g − p'),   D: masses,
 ///
 /// with ℓ a hundredth (kSmoothingLength) and τ 3/1000 (kShapeTolerance) of the diagonal of the
-/// target's box. Details stay as the gradients make them. A loose part that doesn't deform, such as an
-/// eye or a tooth, is shifted as a whole. Then gaps that close on the source are closed (Contacts).
+/// target's box. Details stay as the gradients make them. A loose part that doesn't deform, such as
+/// an eye or a tooth, is shifted as a whole. Then gaps that close on the source are closed (Contacts).
 /// The correction is continuous in the pose, and zero where the source moves rigidly.
 class FollowedPlaces : public PlaceCorrection {
  public:
