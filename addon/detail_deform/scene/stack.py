@@ -118,7 +118,8 @@ def misplaced_before(ob):
 def overwriting_after(ob):
     """[modifier]: the shown ones after the deformation's that overwrite its result."""
     cache = cache_modifier.find(ob)
-    return [other for other in deform_modifier.after(ob) if other != cache and other.show_viewport and overwrites(other)]
+    return [other for other in deform_modifier.after(ob)
+            if other != cache and other.show_viewport and overwrites(other)]
 
 
 def is_misplaced(ob):
