@@ -424,6 +424,7 @@ def test_refine_output_levels_and_smoothness_do_something(native, strip):
     ('levels', 0, 'normal.levels'), ('gradients', 2, 'gradients'),
     ('formulation', 3, 'formulation'), ('steps', 0, 'steps'), ('steps', 1001, 'steps'),
     ('rim_smoothing', 1.5, 'refinement.rim_smoothing'), ('rotation_smoothing', -1, 'refinement.rotation_smoothing'),
+    ('solidity', 2, 'refinement.solidity'), ('solidity', float('nan'), 'refinement.solidity'),
     ('example_stiffness', -1, 'examples.stiffness'), ('volume_iterations', -1, 'volumes.iterations'),
     ('volume_tolerance', float('nan'), 'volumes.tolerance')])
 def test_unknown_update_options_are_refused(native, strip, field, value, named):

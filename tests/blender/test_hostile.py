@@ -108,8 +108,8 @@ CHANGES = [
                                      'weights_by', 'preview')), setting('method', -1),
     *(setting(name, number) for name in ('refine', 'levels', 'steps', 'handle_index', 'example_index')
       for number in (2**31 - 1, -2**31)),
-    *(setting(name, number) for name in ('rim_smoothing', 'rotation_smoothing', 'soft_border', 'metric_smoothing',
-                                         'volume_tolerance') for number in (NAN, 1e38)),
+    *(setting(name, number) for name in ('rim_smoothing', 'rotation_smoothing', 'solidity', 'soft_border',
+                                         'metric_smoothing', 'volume_tolerance') for number in (NAN, 1e38)),
     *(setting('signature', text) for text in ('x', '....', 'a.b.c.d', '\n{0}%s', 'é' * 20000)),
     *(setting(name, '{0} %s %n \n\t\x1b[31m') for name in ('stale', 'problem', 'compared_handles', 'cache_modifier',
                                                             'baked_file', 'region', 'own_region', 'influence')),

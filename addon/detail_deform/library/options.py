@@ -215,6 +215,16 @@ SETTINGS = (
                   Need('rotation_only', (True,), methods=('TRANSFER',)),
                   Need('formulation', ('SURFACE',), methods=('TRANSFER',)),
                   Need('refine', range(1, 1001), _WITHOUT_REFINE))),
+    Option('solidity', float, "Solidity",
+           "How far limbs keep their cross-sections, as if they were solid, where they are bent, led aside or twisted. "
+           "0: the surface bends as a hollow skin. Sheets have no inside, so it changes nothing there",
+           default=0.0, limits=dict(min=0.0, max=1.0, precision=2, step=5),
+           fills=Field(REFINEMENT, 'solidity', float), section='METHOD',
+           needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
+                  Need('rotation_only', (True,), methods=('TRANSFER',)),
+                  Need('formulation', ('SURFACE',), methods=('TRANSFER',)),
+                  Need('refine', range(1, 1001), _WITHOUT_REFINE)),
+           off=0.0),
     Option('rim_smoothing', float, "Rim Smoothing",
            "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
            "crease or spike, as a share of the size of the region (the square root of its area). 0: the paper's result",

@@ -242,7 +242,7 @@ BindOptions = _sized_struct_class(
     (Array(np.int32, 3), 'base_triangles'), (_SIZE, 'base_triangle_count'),
     (PointTo(Points, many=True), 'examples'), (_SIZE, 'example_count'))
 RefinementOptions = _sized_struct_class('dd_refinement_options', "How rotations are found iteratively", 'iterations',
-                                        'rotation_smoothing', 'rim_smoothing')
+                                        'rotation_smoothing', 'rim_smoothing', 'solidity')
 NormalOptions = _sized_struct_class('dd_normal_options', "Of normal displacements", 'levels')
 VolumesOptions = _sized_struct_class('dd_volumes_options', "Of displacement volumes", 'iterations', 'tolerance')
 ExamplesOptions = _sized_struct_class('dd_examples_options', "Of posing by example", (Array(np.float64), 'weights'),
@@ -299,7 +299,8 @@ OPTIONS = {name: kind for name, kind in STRUCTS.items() if name.endswith('_optio
 # methods: each method has a struct of its own, in which the names don't repeat the method's.
 METHOD_FIELDS = {
     'refine': ('refinement', 'iterations'), 'rotation_smoothing': ('refinement', 'rotation_smoothing'),
-    'rim_smoothing': ('refinement', 'rim_smoothing'), 'levels': ('normal', 'levels'),
+    'rim_smoothing': ('refinement', 'rim_smoothing'), 'solidity': ('refinement', 'solidity'),
+    'levels': ('normal', 'levels'),
     'volume_iterations': ('volumes', 'iterations'), 'volume_tolerance': ('volumes', 'tolerance'),
     'example_weights': ('examples', 'weights'), 'example_stiffness': ('examples', 'stiffness'),
     'example_limits': ('examples', 'limits')}

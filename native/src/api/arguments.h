@@ -166,7 +166,7 @@ inline Similarity read_similarity(const char* name, const double* values) {
   read.rotation = matrix.leftCols<3>() / read.scale;
   read.shift = matrix.col(3);
   const Eigen::Matrix3d product = read.rotation.transpose() * read.rotation;
-  // Safety: allows for matrices made in single precision, as Blender's are (1e-7), and for decimals.
+  // Safety: allows for matrices in single precision, as Blender's are (1e-7), and for decimals.
   require(matrix.allFinite() && read.scale > 0 && product.isIdentity(1e-4),
           std::string(name) + " is not a rotation or reflection with a scale and a shift");
   return read;

@@ -64,6 +64,7 @@ void read_refinement(const dd_refinement_options* given, Refined& refined) {
   refined.rim_smoothing = fraction("options.refinement.rim_smoothing", options.rim_smoothing);
   refined.rotation_smoothing =
       fraction("options.refinement.rotation_smoothing", options.rotation_smoothing);
+  refined.solidity = fraction("options.refinement.solidity", options.solidity);
 }
 
 void read_volumes(const dd_volumes_options* given, MethodOptions& method) {

@@ -236,6 +236,8 @@ Turning MotionBlend::turning(BaseDeformer deformer) {
   if (largest_angle_ <= kGaugeFrom && result.prescribed_weight == 0) return result;
   blend_rotations();
   if (largest_angle_ > kGaugeFrom) result.gauge = &rotations_;
+  result.gauge_weight =
+      std::clamp((largest_angle_ - kGaugeFrom) / (kLinearUntil - kGaugeFrom), 0.0, 1.0);
   if (result.prescribed_weight > 0) {
     if (!of_surface_)
       of_surface_ = std::make_unique<RotatedFlux>(bound_, bound_.mesh.positions, rotations_);

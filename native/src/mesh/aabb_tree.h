@@ -86,7 +86,14 @@ class AabbTree {
   /// The first point, farther than `beyond` from `from`, at which a ray leaves the surface: on a
   /// triangle whose normal has a positive dot product with the direction. Triangle -1 if none.
   PointOnTriangle first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
-                             double beyond) const;
+                             double beyond) const {
+    return first_exit(from, direction, beyond, 1, [](int) { return true; });
+  }
+  /// The same among the triangles for which accept(j) is true. outwards: 1, or -1 where their
+  /// normals point to the inside.
+  template <class Accept>
+  PointOnTriangle first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                             double beyond, double outwards, const Accept& accept) const;
 
  private:
   static constexpr int kLeaf = 8;  // most triangles in a leaf
@@ -137,5 +144,63 @@ class AabbTree {
   std::vector<int> order_;
   std::vector<Node> nodes_;
 };
+
+template <class Accept>
+PointOnTriangle AabbTree::first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                                     double beyond, double outwards, const Accept& accept) const {
+  // Safety: barycentric coordinates may be negative by this, or a ray could slip through between
+  // triangles.
+  constexpr double kBarycentricSlack = 1e-9;
+  PointOnTriangle first;
+  if (nodes_.empty() || !(direction.squaredNorm() > 0)) return first;
+  const Eigen::Vector3d unit_direction = direction.normalized();
+  double max_distance = std::numeric_limits<double>::infinity();
+  const auto enters = [&](const Eigen::AlignedBox3d& box) {
+    double begin = beyond, end = max_distance;
+    for (int k = 0; k < 3; ++k) {
+      const double low = box.min()[k] - from[k], high = box.max()[k] - from[k];
+      if (unit_direction[k] == 0) {
+        if (low > 0 || high < 0) return false;
+        continue;
+      }
+      begin = std::max(begin, (unit_direction[k] > 0 ? low : high) / unit_direction[k]);
+      end = std::min(end, (unit_direction[k] > 0 ? high : low) / unit_direction[k]);
+    }
+    return begin <= end;
+  };
+  std::vector<int> open{0};
+  while (!open.empty()) {
+    const Node& node = nodes_[open.back()];
+    open.pop_back();
+    if (!enters(node.box)) continue;
+    if (node.left >= 0) {
+      const Eigen::Vector3d apart =
+          nodes_[node.right].box.center() - nodes_[node.left].box.center();
+      const bool left_first = apart.dot(unit_direction) > 0;
+      open.push_back(left_first ? node.right : node.left);
+      open.push_back(left_first ? node.left : node.right);
+      continue;
+    }
+    for (int i = node.begin; i < node.end; ++i) {
+      const int j = order_[i];
+      if (!(outwards * normals_.row(j).dot(unit_direction) > 0) || !accept(j)) continue;
+      const Eigen::Vector3d a = mesh_.positions.row(mesh_.triangles(j, 0)),
+                            ab = mesh_.positions.row(mesh_.triangles(j, 1)).transpose() - a,
+                            ac = mesh_.positions.row(mesh_.triangles(j, 2)).transpose() - a;
+      const Eigen::Vector3d normal = ab.cross(ac), at = from - a, turned = at.cross(unit_direction);
+      const double volume = normal.dot(unit_direction), distance = -normal.dot(at) / volume;
+      const double v = -ac.dot(turned) / volume, w = ab.dot(turned) / volume;
+      if (!(distance > beyond && distance < max_distance && v >= -kBarycentricSlack &&
+            w >= -kBarycentricSlack && v + w <= 1 + kBarycentricSlack))
+        continue;
+      max_distance = distance;
+      first.triangle = j;
+      first.barycentric << 1 - v - w, v, w;
+      first.position = from + distance * unit_direction;
+      first.squared_distance = distance * distance;
+    }
+  }
+  return first;
+}
 
 }  // namespace dd

@@ -73,47 +73,77 @@ void Reconstruction::prepare_refinement(double length) {
   refined_length_ = length;
 }
 
+const RefinedFlux& Reconstruction::refinement_of(double solidity) {
+  if (coarse_refinement_) {
+    coarse_refinement_->set_solidity(solidity);
+    return *coarse_refinement_;
+  }
+  if (solidity > 0 && !has_looked_for_sections_) {
+    sections_ = find_sections(surface_);
+    has_looked_for_sections_ = true;
+  }
+  refinement_->set_solidity(sections_.get(), solidity);
+  return *refinement_;
+}
+
 void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
                            const Turning& turning, Rows& offsets) {
-  const bool is_refined = refined.iterations > 0 && turning.refinement_weight > 0;
+  const double weight = turning.refinement_weight;
+  bool is_refined = refined.iterations > 0 && (weight > 0 || refined.solidity > 0);
   ClampedPoisson* const clamps = prepare(refined, is_refined);
+  const RefinedFlux* const refinement = is_refined ? &refinement_of(refined.solidity) : nullptr;
+  is_refined = is_refined && (weight > 0 || refinement->solidity().size() > 0);
   // The last solve of a refinement clamps the rims. Where the unrefined result is mixed in, it is
   // clamped as well, with a weight that falls to 0 as the share approaches 0 or 1.
   const double clamp_weight =
-      refined.iterations == 0
-          ? 1
-          : std::min({1.0, 5 * turning.refinement_weight, 5 * (1 - turning.refinement_weight)});
+      refined.iterations == 0 ? 1 : std::min({1.0, 5 * weight, 5 * (1 - weight)});
   if (!is_refined) {
     solve_unrefined(gradients, pose, turning, clamps, clamp_weight, offsets);
     return;
   }
-  const bool mixed = turning.refinement_weight < 1;
+  const bool mixed = weight < 1;
   if (mixed || refinement_)
     solve_unrefined(gradients, pose, turning, clamps, clamp_weight, offsets);
   Rows unrefined;
   if (mixed) unrefined = offsets;
   if (coarse_refinement_) {
     coarse_refinement_->find(refined.iterations, pose, turning, offsets);
-    solve_by(*coarse_refinement_, clamps, 1, offsets);
+    refinement->arms().to_centres(offsets);
+    solve_by(*refinement, clamps, 1, offsets);
+    refinement->arms().from_centres(offsets);
   } else {
     refinement_->find(refined.iterations, turning, offsets);
     solve_refined(clamps, offsets);
   }
-  if (mixed) offsets = unrefined + turning.refinement_weight * (offsets - unrefined);
+  if (mixed) mix(unrefined, weight, refinement->solidity(), offsets);
+}
+
+void Reconstruction::mix(const Rows& unrefined, double weight, const Eigen::VectorXd& solidity,
+                         Rows& offsets) {
+  if (solidity.size() == 0) {
+    offsets = unrefined + weight * (offsets - unrefined);
+    return;
+  }
+  for (Index r = 0; r < solidity.size(); ++r)
+    offsets.row(r) = unrefined.row(r) +
+                     (weight + solidity[r] * (1 - weight)) * (offsets.row(r) - unrefined.row(r));
 }
 
 void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
   ClampedPoisson* const clamps = prepare(refined, true);
+  refinement_of(refined.solidity);
   refinement_->find_from(posed, std::max(1, refined.iterations), offsets);
   solve_refined(clamps, offsets);
 }
 
 void Reconstruction::solve_refined(ClampedPoisson* clamps, Rows& offsets) {
   const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
+  refinement_->arms().to_centres(offsets);
   if (clamps)
     clamps->step(refinement_->at_rest(), add, offsets);
   else
     surface_.poisson->solve(refinement_->at_rest(), add, offsets);
+  refinement_->arms().from_centres(offsets);
 }
 
 ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
@@ -127,7 +157,7 @@ ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
 
 double Reconstruction::bytes() const {
   return (fourth_points_ ? fourth_points_->bytes() : 0) + (clamped_ ? clamped_->bytes() : 0) +
-         (refinement_ ? refinement_->bytes() : 0) +
+         (refinement_ ? refinement_->bytes() : 0) + (sections_ ? sections_->bytes() : 0) +
          (coarse_refinement_ ? coarse_refinement_->bytes() : 0);
 }
 

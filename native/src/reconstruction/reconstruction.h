@@ -26,6 +26,8 @@ struct Refined {
   /// and more are stiffer.
   double rotation_smoothing = 0.009;
   double rim_smoothing = 0;  ///< see ClampedPoisson; 0: (14) as it stands
+  /// Of limbs, with iterations: 0, a hollow skin as (14) has it, to 1; see Sections.
+  double solidity = 0;
 };
 
 /// Reconstructs a surface from deformation gradients, by (14) or by (10), and refines it if asked.
@@ -70,8 +72,13 @@ class Reconstruction {
                        ClampedPoisson* clamps, double clamp_weight, Rows& offsets);
   void solve_by(const FluxSource& source, ClampedPoisson* clamps, double clamp_weight,
                 Rows& offsets);
+  /// Sets the solidity of the refinement that exists, and returns it.
+  const RefinedFlux& refinement_of(double solidity);
   /// The last solve, with the rotations of refinement_.
   void solve_refined(ClampedPoisson* clamps, Rows& offsets);
+  /// Goes from the unrefined result to the refined one.
+  static void mix(const Rows& unrefined, double weight, const Eigen::VectorXd& solidity,
+                  Rows& offsets);
 
   FactoredSurface& surface_;
   const Positions* base_;
@@ -80,6 +87,8 @@ class Reconstruction {
   double refined_length_ = -1;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;
   std::unique_ptr<CoarseRefinement> coarse_refinement_;
+  bool has_looked_for_sections_ = false;
+  std::unique_ptr<Sections> sections_;  // of surface_, for refinement_; null: none
 };
 
 }  // namespace dd

@@ -3,6 +3,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -11,6 +13,7 @@
 #include "reconstruction/gradients.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
+#include "reconstruction/section_means.h"
 
 namespace dd {
 
@@ -20,6 +23,11 @@ struct PassSettings {
   double relaxation;  // factor ω of over-relaxation
   double smoothing;   // fraction of the way to the smoothed rotations, 0 to 1
 };
+
+// Smoothing length of rotations of solid limbs, as a fraction of the arm. Tuned on limbs with
+// relief: with 0 the relief decides the rotations and long arms amplify them to folds, with 1 limbs
+// are stiff.
+constexpr double kSmoothingOfArm = 0.3;
 
 /// Long waves of the error converge slowly: a pass with factor ω moves them up to ω times as far.
 /// It multiplies short waves, which smoothing takes out of the solution, by 1 − ω, so a pass with
@@ -53,6 +61,9 @@ template <class Real>
 class RefinementOf : public Refinement {
  public:
   RefinementOf(FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
+  void set_solidity(const Sections* sections, double solidity) override;
+  const SectionArms& arms() const override { return arms_; }
+  const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
   void find(int iterations, const Turning& turning, Rows& offsets) override {
     posed_rotations_.clear();
     iterate(iterations, turning, offsets);
@@ -70,6 +81,14 @@ class RefinementOf : public Refinement {
   using Quaternions = std::vector<Real>;  // rows of 4
 
   void make_averages(const std::vector<int>& local_triangle, int first_constrained);
+  /// The rotations and right-hand sides at rest.
+  void find_rest();
+  /// The smoothing of rotations, over a longer length where arms are long.
+  void make_smoothing(const Positions& arms);
+  /// Turns the arms by the vertex rotations, after those of the pose.
+  void turn_arms();
+  /// One solve for free rows of offsets, over-relaxed.
+  void step(double weight, double relaxation, Rows& offsets);
   void iterate(int iterations, const Turning& turning, Rows& offsets);
   /// The row of an active vertex in vertex_rotations_: free ones in order, then rims.
   int rotation_row(int vertex) const;
@@ -88,7 +107,9 @@ class RefinementOf : public Refinement {
   const Rows& at_rest_with(double smoothing);
 
   FactoredSurface& surface_;
-  RotationSmoothing smoothing_;
+  double smoothing_length_;
+  Eigen::VectorXd masses_;
+  std::optional<RotationSmoothing> smoothing_;
   // By local number: the active triangles, padded to whole blocks, then those without a free corner
   // at rims.
   std::vector<RotationBlock<Real>> moving_, constrained_;
@@ -96,9 +117,15 @@ class RefinementOf : public Refinement {
   RotationMeans<Real> averages_;  // of each active vertex
   Quaternions triangle_rotations_, vertex_rotations_;
   Quaternions from_pose_;
-  Quaternions posed_rotations_;  // of triangles, from S to the pose; empty: none
+  Quaternions posed_rotations_;         // of triangles, from S to the pose; empty: none
+  Quaternions posed_vertex_rotations_;  // the same of vertices, where there are sections
   std::unique_ptr<RotatedFluxPass<Real>> posed_pass_;
-  Rows positions_;
+  const Sections* sections_ = nullptr;
+  double solidity_ = 0;
+  std::unique_ptr<SectionMeans<Real>> section_means_;  // null: no sections
+  SectionArms arms_;
+  Eigen::VectorXd solidity_of_row_;
+  Rows positions_, before_;
   Rows rest_unsmoothed_, rest_smoothed_, rest_blended_;
   const Rows* at_rest_ = nullptr;  // one of these three
   // of the spanning trees: between rows of vertex_rotations_
@@ -110,8 +137,11 @@ template <class Real>
 RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
                                  const Eigen::VectorXd& masses)
     : surface_(surface),
-      smoothing_(surface, length, masses),
-      pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }) {
+      smoothing_length_(length),
+      masses_(masses),
+      smoothing_(std::in_place, surface, length, masses),
+      pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }),
+      arms_(surface) {
   const Triangles& t = surface.operators.triangles;
   const RowOrder& order = surface.order();
   const std::vector<int>& active = surface.poisson->active().triangles;
@@ -143,12 +173,46 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
       4 * (static_cast<size_t>(first_constrained) + kLanes * constrained_.size()), 0);
   vertex_rotations_.assign(4 * averages_.size(), 0);
 
-  positions_ = surface.rest;
+  find_rest();
+}
+
+template <class Real>
+void RefinementOf<Real>::find_rest() {
+  positions_ = surface_.rest;
   find_constrained_rotations();
   find_means(nullptr);
   rest_unsmoothed_ = pass_.all(vertex_rotations_.data());
-  smoothing_.run(vertex_rotations_.data());
+  smoothing_->run(vertex_rotations_.data());
   rest_smoothed_ = pass_.all(vertex_rotations_.data());
+}
+
+template <class Real>
+void RefinementOf<Real>::make_smoothing(const Positions& arms) {
+  const double square = smoothing_length_ * smoothing_length_;
+  Eigen::VectorXd masses = masses_;
+  for (Index i = 0; i < arms.rows(); ++i)
+    masses[surface_.poisson->active_vertex(int(i))] *=
+        square / (square + kSmoothingOfArm * kSmoothingOfArm * arms.row(i).squaredNorm());
+  smoothing_.emplace(surface_, smoothing_length_, masses);
+}
+
+template <class Real>
+void RefinementOf<Real>::set_solidity(const Sections* sections, double solidity) {
+  if (!sections || solidity == 0) sections = nullptr, solidity = 0;
+  if (sections == sections_ && solidity == solidity_) return;
+  sections_ = nullptr;
+  solidity_ = -1;  // neither of them is set if memory runs out
+  if (sections) section_means_ = std::make_unique<SectionMeans<Real>>(surface_, *sections);
+  const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
+  make_smoothing(arms);
+  arms_.set(arms);
+  solidity_of_row_.resize(0);
+  if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
+  pass_.take(arms_.centres(surface_.rest));
+  posed_rotations_.clear();
+  find_rest();
+  sections_ = sections;
+  solidity_ = solidity;
 }
 
 template <class Real>
@@ -276,8 +340,16 @@ void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offs
   find_constrained_rotations();
   find_moving_rotations();
   posed_rotations_ = triangle_rotations_;
+  Rows centres = positions_;
+  if (sections_) {
+    posed_vertex_rotations_.resize(vertex_rotations_.size());
+    averages_.run(posed_rotations_, posed_vertex_rotations_, surface_.poisson->pool());
+    arms_.turn(posed_vertex_rotations_.data());
+    arms_.to_centres(centres);
+    centres = arms_.centres(centres);
+  }
   if (!posed_pass_) posed_pass_ = std::make_unique<RotatedFluxPass<Real>>(pass_);
-  posed_pass_->take(positions_);
+  posed_pass_->take(centres);
   Turning turning;
   turning.propagate_signs = true;
   iterate(iterations, turning, offsets);
@@ -287,6 +359,10 @@ template <class Real>
 void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& offsets) {
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
+  // Tuned: solid limbs change little after two iterations of four.
+  if (sections_)
+    iterations = std::max(
+        1, iterations - static_cast<int>(std::lround(0.5 * solidity_of_row_.mean() * iterations)));
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const int changed_rows = iteration == 0 ? order.fixed_begin : order.free_count;
     poisson.pool().parallel_for(changed_rows, kLeastRange, [&](int64_t begin, int64_t end) {
@@ -297,14 +373,51 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
     if (iteration == 0) find_constrained_rotations();
     find_means(turning.propagate_signs && iteration > 0 ? &propagated_gauge_ : turning.gauge);
     if (turning.propagate_signs && iteration == 0) propagate_signs();
-    const PassSettings settings = pass_settings(iteration, iterations);
-    if (settings.smoothing > 0) smoothing_.run(vertex_rotations_.data(), settings.smoothing);
+    PassSettings settings = pass_settings(iteration, iterations);
+    if (sections_) {
+      settings.smoothing = 1;
+      section_means_->run(solidity_, turning, vertex_rotations_);
+    }
+    if (settings.smoothing > 0) smoothing_->run(vertex_rotations_.data(), settings.smoothing);
     at_rest_ = &at_rest_with(settings.smoothing);
-    if (iteration < iterations - 1)
-      poisson.solve(
-          *at_rest_, [&](int section, double* rows) { add(section, rows); }, offsets,
-          turning.refinement_weight * settings.relaxation);
+    turn_arms();
+    if (iteration < iterations - 1) step(turning.refinement_weight, settings.relaxation, offsets);
   }
+}
+
+template <class Real>
+void RefinementOf<Real>::turn_arms() {
+  if (!sections_) return;
+  if (posed_rotations_.empty()) return arms_.turn(vertex_rotations_.data());
+  using Quaternion = Eigen::Quaternion<Real>;
+  from_pose_ = vertex_rotations_;
+  for (size_t i = 0; i < from_pose_.size(); i += 4) {
+    Eigen::Map<Quaternion> q(&from_pose_[i]);
+    q = q * Eigen::Map<const Quaternion>(&posed_vertex_rotations_[i]);
+  }
+  arms_.turn(from_pose_.data());
+}
+
+template <class Real>
+void RefinementOf<Real>::step(double weight, double relaxation, Rows& offsets) {
+  const auto add_flux = [&](int section, double* rows) { add(section, rows); };
+  if (!sections_) {
+    surface_.poisson->solve(*at_rest_, add_flux, offsets, weight * relaxation);
+    return;
+  }
+  const Index count = surface_.order().free_count;
+  before_ = offsets.topRows(count);
+  arms_.to_centres(offsets);
+  surface_.poisson->solve(*at_rest_, add_flux, offsets);
+  arms_.from_centres(offsets);
+  surface_.poisson->pool().parallel_for(count, kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t r = begin; r < end; ++r) {
+      const double solid = solidity_of_row_[r];
+      const double factor =
+          (weight + solid * (1 - weight)) * (relaxation + solid * (1 - relaxation));
+      offsets.row(r) = before_.row(r) + factor * (offsets.row(r) - before_.row(r));
+    }
+  });
 }
 
 template <class Real>
@@ -317,13 +430,14 @@ Rows RefinementOf<Real>::rotations() const {
 template <class Real>
 double RefinementOf<Real>::bytes() const {
   const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + from_pose_.size() +
-                       posed_rotations_.size();
-  return smoothing_.bytes() +
+                       posed_rotations_.size() + posed_vertex_rotations_.size();
+  return smoothing_->bytes() + arms_.bytes() + (section_means_ ? section_means_->bytes() : 0) +
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +
-         static_cast<double>((positions_.size() + rest_unsmoothed_.size() + rest_smoothed_.size() +
-                              rest_blended_.size() + propagated_gauge_.size()) *
+         static_cast<double>((positions_.size() + before_.size() + rest_unsmoothed_.size() +
+                              rest_smoothed_.size() + rest_blended_.size() +
+                              propagated_gauge_.size()) *
                              Index(sizeof(double)));
 }
 

@@ -6,9 +6,20 @@
 #include "reconstruction/factored_surface.h"
 #include "reconstruction/gradient_source.h"
 #include "reconstruction/rotation_smoothing.h"
+#include "reconstruction/section_arms.h"
+#include "reconstruction/sections.h"
 #include "reconstruction/turning.h"
 
 namespace dd {
+
+/// The right-hand side of the last solve of a refinement. Where limbs are solid, the solution is of
+/// the centres of their sections, see Sections.
+class RefinedFlux : public FluxSource {
+ public:
+  virtual const SectionArms& arms() const = 0;
+  /// How solid the surface is at each free row, 0 to 1; empty: it isn't.
+  virtual const Eigen::VectorXd& solidity() const = 0;
+};
 
 /// Beyond the paper: rotations inferred from a linear base are too small where it bends far, so S'
 /// shrinks. Each iteration takes the rotation of every triangle from S to S' (15), and at every
@@ -22,8 +33,14 @@ namespace dd {
 ///
 /// This class finds the rotations; as a FluxSource it provides the right-hand side of the last
 /// solve.
-class Refinement : public FluxSource {
+///
+/// Solid limbs have sections, over which rotations are averaged before they are smoothed, over a
+/// length that rises with the length of the arm. There the iteration needs no over-relaxation and
+/// converges in few steps.
+class Refinement : public RefinedFlux {
  public:
+  /// sections: must outlive this; null: there are none. solidity: 0, a hollow skin, to 1.
+  virtual void set_solidity(const Sections* sections, double solidity) = 0;
   /// offsets: displacements of all rows; in: the start, out: the solution of the last but one
   /// iteration. The rotations stay until the next call.
   virtual void find(int iterations, const Turning& turning, Rows& offsets) = 0;

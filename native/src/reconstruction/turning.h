@@ -11,6 +11,8 @@ struct Turning {
   /// with like signs at neighbours and within half a turn of the surface's rotations. Null: no part
   /// turns by more than half a turn.
   const Rows* gauge = nullptr;
+  /// Rises with the angle from 0, where the gauge begins to be given, to 1.
+  double gauge_weight = 0;
   /// Whether signs are propagated from vertex to vertex of the unrefined result, because there is
   /// no gauge, as with a base from outside.
   bool propagate_signs = false;

@@ -37,8 +37,8 @@ namespace dd {
 ///
 /// with ℓ a hundredth (kSmoothingLength) and τ 3/1000 (kShapeTolerance) of the diagonal of the
 /// target's box. Details stay as the gradients make them. A loose part that doesn't deform, such as
-/// an eye or a tooth, is shifted as a whole. Then gaps that close on the source are closed (Contacts).
-/// The correction is continuous in the pose, and zero where the source moves rigidly.
+/// an eye or a tooth, is shifted as a whole. Then gaps that close on the source are closed
+/// (Contacts). The correction is continuous in the pose, and zero where the source moves rigidly.
 class FollowedPlaces : public PlaceCorrection {
  public:
   /// Of the components those that have sources and aren't held are corrected. progress: of two

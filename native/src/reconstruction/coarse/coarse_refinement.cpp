@@ -42,6 +42,23 @@ Eigen::VectorXd masses_on(const CoarseSurface& coarse, const FactoredSurface& fi
   return masses;
 }
 
+/// The sections of a coarse surface's vertices, sampled on the fine one.
+std::unique_ptr<Sections> sections_of(const CoarseSurface& coarse, const FactoredSurface& fine,
+                                      const std::vector<CoarseSurface::Stencil>& stencils) {
+  const FactoredSurface& surface = coarse.surface();
+  SectionSamples samples{fine, {}, surface.order().free_count, [&](int active_index) {
+                           const CoarseSurface::Stencil& stencil = stencils[size_t(active_index)];
+                           Sections::Terms terms;
+                           for (int k = 0; k < 3; ++k)
+                             if (stencil.weight[k] > 0)
+                               terms.emplace_back(stencil.active_index[k], stencil.weight[k]);
+                           return terms;
+                         }};
+  for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
+    samples.vertices.push_back(coarse.vertices()[size_t(surface.poisson->active_vertex(i))]);
+  return find_sections(samples);
+}
+
 template <class Real>
 class CoarseRefinementOf : public CoarseRefinement {
  public:
@@ -53,11 +70,13 @@ class CoarseRefinementOf : public CoarseRefinement {
         gradients_(make_base_gradients(surface_->surface(), base_)),
         refinement_(
             make_refinement(surface_->surface(), length, masses_on(*surface_, surface, length))),
-        pass_(surface, surface.mesh.positions, [&](int v) {
-          return surface.poisson->active_index(surface.order().row_of_vertex[v]);
-        }) {
+        pass_(
+            surface, surface.mesh.positions,
+            [&](int v) { return surface.poisson->active_index(surface.order().row_of_vertex[v]); }),
+        stencils_(surface_->stencils(surface)),
+        arms_(surface) {
     typename RotationMeans<Real>::Terms terms;
-    for (const CoarseSurface::Stencil& stencil : surface_->stencils(surface)) {
+    for (const CoarseSurface::Stencil& stencil : stencils_) {
       terms.clear();
       for (int k = 0; k < 3; ++k)
         if (stencil.weight[k] > 0) terms.emplace_back(stencil.active_index[k], stencil.weight[k]);
@@ -69,7 +88,7 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void find(int iterations, const BasePose& pose, const Turning& turning,
             const Rows& offsets) override {
-    const double smoothing = last_smoothing(iterations);
+    const double smoothing = solidity_of_row_.size() > 0 ? 1 : last_smoothing(iterations);
     if (rests_.count(smoothing) == 0) {
       // The right-hand side at rest, whose rotations are I up to rounding.
       const std::vector<Eigen::Matrix3d> still(pose.linear.size(), Eigen::Matrix3d::Identity());
@@ -96,6 +115,35 @@ class CoarseRefinementOf : public CoarseRefinement {
     find_from(iterations, {posed_, pose.linear}, here);
   }
 
+  void set_solidity(double solidity) override {
+    if (solidity == solidity_) return;
+    if (solidity > 0 && !has_looked_for_sections_) {
+      sections_ = sections_of(*surface_, fine_, stencils_);
+      has_looked_for_sections_ = true;
+    }
+    solidity_ = -1;  // it isn't set if memory runs out
+    refinement_->set_solidity(sections_.get(), solidity);
+    Positions arms(0, 3);
+    solidity_of_row_.resize(0);
+    if (sections_ && solidity > 0) {
+      arms.setZero(fine_.poisson->active_vertex_count(), 3);
+      solidity_of_row_.setZero(fine_.order().free_count);
+      for (Index i = 0; i < arms.rows(); ++i)
+        for (int k = 0; k < 3; ++k) {
+          const int from = stencils_[size_t(i)].active_index[k];
+          const double weight = solidity * stencils_[size_t(i)].weight[k];
+          arms.row(i) += weight * sections_->arms.row(from);
+          if (i < solidity_of_row_.size()) solidity_of_row_[i] += weight * sections_->shares[from];
+        }
+    }
+    arms_.set(std::move(arms));
+    pass_.take(arms_.centres(fine_.rest));
+    rests_.clear();
+    solidity_ = solidity;
+  }
+  const SectionArms& arms() const override { return arms_; }
+  const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
+
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);
   }
@@ -107,7 +155,9 @@ class CoarseRefinementOf : public CoarseRefinement {
                          prescribed_rotations_.size() +
                          Index(rests_.size()) * 4 * fine_.poisson->right_hand_side_rows();
     return surface_->bytes() + gradients_->bytes() + refinement_->bytes() + pass_.bytes() +
-           spread_.bytes() + (prescribed_ ? prescribed_->bytes() : 0) +
+           spread_.bytes() + arms_.bytes() + (sections_ ? sections_->bytes() : 0) +
+           static_cast<double>(stencils_.size() * sizeof(stencils_[0])) +
+           (prescribed_ ? prescribed_->bytes() : 0) +
            static_cast<double>((given_.size() + rotations_.size()) * sizeof(Real)) +
            static_cast<double>(doubles) * sizeof(double);
   }
@@ -124,6 +174,7 @@ class CoarseRefinementOf : public CoarseRefinement {
     const Rows found = refinement_->rotations();
     given_.assign(found.data(), found.data() + found.size());
     spread_.run(given_, rotations_, fine_.poisson->pool());
+    arms_.turn(rotations_.data());
   }
 
   void start(const FluxSource& source) {
@@ -139,8 +190,14 @@ class CoarseRefinementOf : public CoarseRefinement {
   RotatedFluxPass<Real> pass_;  // on the fine surface
   RotationMeans<Real> spread_;  // interpolation from the coarse active vertices to the fine ones
   std::vector<Real> given_, rotations_;
-  std::map<double, Rows> rests_;   // right-hand sides at rest, by last_smoothing()
-  const Rows* at_rest_ = nullptr;  // one of rests_
+  std::vector<CoarseSurface::Stencil> stencils_;  // of the fine active vertices
+  bool has_looked_for_sections_ = false;
+  std::unique_ptr<Sections> sections_;  // of the coarse surface; null: none
+  double solidity_ = 0;
+  SectionArms arms_;                 // of the fine surface
+  Eigen::VectorXd solidity_of_row_;  // of the fine surface
+  std::map<double, Rows> rests_;     // right-hand sides at rest, by last_smoothing()
+  const Rows* at_rest_ = nullptr;    // one of rests_
   // Of the current pose, rows in the coarse surface's order.
   Rows posed_, offsets_, gauge_, prescribed_rotations_;
   std::unique_ptr<RotatedFlux> prescribed_;

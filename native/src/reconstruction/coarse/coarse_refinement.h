@@ -13,7 +13,7 @@ namespace dd {
 /// the base's rotations there, at a fraction of the cost and interpolated; the surface itself is
 /// solved for once, in the end. On the survey's cases the result is that of Refinement to 0.2% of
 /// the box.
-class CoarseRefinement : public FluxSource {
+class CoarseRefinement : public RefinedFlux {
  public:
   /// Null where the coarse surface is not small enough, or the surface so small that full
   /// refinement is fast. base: B at rest, n×3. surface and base must outlive the result. length: of
@@ -24,6 +24,8 @@ class CoarseRefinement : public FluxSource {
   /// As Refinement::find(), but of offsets only the handles' rows are read.
   virtual void find(int iterations, const BasePose& pose, const Turning& turning,
                     const Rows& offsets) = 0;
+  /// As Refinement::set_solidity(); the sections are those of coarse vertices on the surface.
+  virtual void set_solidity(double solidity) = 0;
   virtual int vertex_count() const = 0;
   virtual double bytes() const = 0;
 };

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "reconstruction/factored_surface.h"
+
+namespace dd {
+
+/// Beyond the paper: (14) takes a surface for a hollow skin, which buckles where a limb is bent and
+/// thins where it is twisted. Where a vertex p has another side of the surface behind it, it gets
+/// an arm r to the centre c of its cross-section,
+///
+///   p = c + r.
+///
+/// A Refinement then reconstructs the centres from their rotated gradients, and turns arms rigidly,
+///
+///   L c' = div(R ∇c),   p' = c' + R r,
+///
+/// which is a rod whose sections keep their shape as far as R is constant over each of them (a
+/// Cosserat rod), by the same factor. So R is averaged over sections first. At rest, for rigid
+/// motions, and where no other side is near, with r = 0, nothing changes.
+///
+/// A section is sampled by rays from p into the inside. c is the mean of the points that they meet
+/// and p, averaged again over the sections of these; on a circle rays alone would give its centre.
+struct Sections {
+  /// Active indices of the surface and weights.
+  using Terms = std::vector<std::pair<int, double>>;
+
+  /// By active index. Terms of the mean over its section, which sum to 1; of a vertex without
+  /// another side: itself.
+  std::vector<Terms> means;
+  Positions arms;          ///< r
+  Eigen::VectorXd shares;  ///< how much of its section is there, in [0, 1]
+
+  double bytes() const;
+};
+
+/// The vertices of a surface whose sections are sampled.
+struct SectionSamples {
+  const FactoredSurface& surface;  ///< which rays are cast in
+  std::vector<int> vertices;       ///< vertices of the surface, free ones first, then rims
+  int free_count;
+  /// An active vertex of the surface as a mean of samples.
+  std::function<Sections::Terms(int active_index)> terms_of;
+};
+
+/// Null where no vertex has another side.
+std::unique_ptr<Sections> find_sections(const SectionSamples& samples);
+/// Those of all active vertices.
+std::unique_ptr<Sections> find_sections(const FactoredSurface& surface);
+
+/// Rounds of averaging over sections. Tuned on tubes: after one, a section's rotations still differ
+/// by a third, after two by a tenth; more spread along the limb.
+constexpr int kSectionRounds = 3;
+
+}  // namespace dd

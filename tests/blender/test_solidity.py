@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Solidity: limbs keep their cross-sections, live, without a new bind, by every method that is refined."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, add_empty, add_handle, bind, evaluated, group, update
+
+RINGS, SIDES, LENGTH = 60, 28, 4.0
+
+
+def make_tentacle():
+    """A closed tapered tube along z, its first tenth fixed, its last tenth a handle with an empty at the tip."""
+    u, v = np.meshgrid(np.linspace(0, 1, RINGS), np.arange(SIDES) * 2 * math.pi / SIDES, indexing='ij')
+    radius = 0.5 - 0.44 * u
+    points = np.stack([radius * np.cos(v), radius * np.sin(v), LENGTH * u], -1).reshape(-1, 3)
+    points = np.concatenate([points, [(0, 0, 0), (0, 0, LENGTH)]])
+    count, faces = RINGS * SIDES, []
+    for j in range(SIDES):
+        k = (j + 1) % SIDES
+        faces += [(i + j, i + k, i + k + SIDES, i + j + SIDES) for i in range(0, count - SIDES, SIDES)]
+        faces += [(count, k, j), (count + 1, count - SIDES + j, count - SIDES + k)]
+    mesh = bpy.data.meshes.new("Tentacle")
+    mesh.from_pydata(points.tolist(), [], faces)
+    ob = bpy.data.objects.new("Tentacle", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    z = points[:, 2] / LENGTH
+    group(ob, 'region', np.flatnonzero(z > 0.1))
+    group(ob, 'tip', np.flatnonzero(z > 0.9))
+    ob.detail_deform.region = 'region'
+    add_handle(ob, 'tip', add_empty("Tip", (0, 0, LENGTH)))
+    update()
+    return activate(ob)
+
+
+def sections(positions):
+    """The areas of the rings."""
+    rings = positions[:RINGS * SIDES].reshape(RINGS, SIDES, 3)
+    arms = rings - rings.mean(axis=1, keepdims=True)
+    return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)).sum(axis=1), axis=1) / 2
+
+
+@pytest.fixture
+def tentacle():
+    return bind(make_tentacle())
+
+
+def lead_down(ob):
+    ob.detail_deform.handles[0].target.location = (0, 0.7 * LENGTH, 0.3 * LENGTH)
+    update()
+
+
+def twist(ob, degrees):
+    ob.detail_deform.handles[0].target.rotation_euler.z = math.radians(degrees)
+    update()
+
+
+def least(ob, rest):
+    return (sections(evaluated(ob)) / rest).min()
+
+
+@pytest.mark.parametrize('pose, solid, hollow', [(lead_down, 0.95, 0.5), (lambda ob: twist(ob, 720), 0.93, 0.5)])
+def test_a_solid_limb_keeps_its_sections_and_a_hollow_one_does_not(tentacle, pose, solid, hollow):
+    rest, settings = sections(evaluated(tentacle)), tentacle.detail_deform
+    pose(tentacle)
+    before = evaluated(tentacle)
+    assert least(tentacle, rest) < hollow
+    settings.solidity = 1
+    update()
+    assert settings.is_bound and not settings.stale  # live, without a new bind
+    assert least(tentacle, rest) > solid
+    settings.solidity = 0
+    update()
+    assert np.array_equal(evaluated(tentacle), before)
+
+
+def test_solidity_survives_a_bind_a_copy_and_a_file(tentacle, tmp_path):
+    tentacle.detail_deform.solidity = 1
+    lead_down(tentacle)
+    shown = evaluated(tentacle)
+    path = str(tmp_path / 'solid.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+    ob = activate(bpy.data.objects["Tentacle"])
+    bpy.ops.object.detail_deform_update()
+    assert ob.detail_deform.solidity == 1
+    assert np.abs(evaluated(ob) - shown).max() < 1e-6
+
+
+def test_examples_are_solid_too(tentacle):
+    """Poses by example, with the tip led beyond the example."""
+    ob, settings = tentacle, tentacle.detail_deform
+    lead_down(ob)
+    settings.solidity = 1
+    update()
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Down", from_mix=False)
+    key.data.foreach_set('co', evaluated(ob).ravel())
+    key.value = 0
+    settings.handles[0].target.location = (0, 0, LENGTH)
+    settings.examples.add().name = "Down"
+    settings.method = 'EXAMPLES'
+    bpy.ops.object.detail_deform_bind(wait=True)
+    assert settings.is_bound, settings.status
+    rest = sections(evaluated(ob))
+    settings.handles[0].target.location = (0.5, 0.5 * LENGTH, 0.6 * LENGTH)
+    update()
+    assert least(ob, rest) > 0.9
