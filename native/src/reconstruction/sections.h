@@ -53,8 +53,10 @@ std::unique_ptr<Sections> find_sections(const SectionSamples& samples);
 /// Those of all active vertices.
 std::unique_ptr<Sections> find_sections(const FactoredSurface& surface);
 
-/// Rounds of averaging over sections. Tuned on tubes: after one, a section's rotations still differ
-/// by a third, after two by a tenth; more spread along the limb.
+/// Rounds of averaging over sections. On a circle, a round leaves a quarter of the first angular
+/// mode and half of the second; each spreads rotations along the limb, too. Tuned without the
+/// smoothing over arms: a cylinder whose tip is led aside keeps 78% of its section with two rounds,
+/// 99% with four.
 constexpr int kSectionRounds = 3;
 
 }  // namespace dd
