@@ -5,7 +5,7 @@
 #include "deform.h"
 #include "mesh/measures.h"
 #include "mesh/triangles.h"
-#include "reconstruction/sections.h"
+#include "reconstruction/cross_sections.h"
 
 using namespace dd;
 using namespace dd::test;
@@ -219,7 +219,7 @@ TEST_CASE("sections lie in their own part, and arms reach the axis") {
   BlockOptions options;
   options.pool = &pool;
   surface.factor(free_block(surface.operators.laplacian, region), options);
-  const auto sections = find_sections(surface);
+  const auto sections = find_cross_sections(surface);
   REQUIRE(sections);
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i) {
     double sum = 0;

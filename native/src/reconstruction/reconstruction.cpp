@@ -78,11 +78,11 @@ const RefinedFlux& Reconstruction::refinement_of(double solidity) {
     coarse_refinement_->set_solidity(solidity);
     return *coarse_refinement_;
   }
-  if (solidity > 0 && !has_looked_for_sections_) {
-    sections_ = find_sections(surface_);
-    has_looked_for_sections_ = true;
+  if (solidity > 0 && !has_looked_for_cross_sections_) {
+    cross_sections_ = find_cross_sections(surface_);
+    has_looked_for_cross_sections_ = true;
   }
-  refinement_->set_solidity(sections_.get(), solidity);
+  refinement_->set_solidity(cross_sections_.get(), solidity);
   return *refinement_;
 }
 
@@ -157,7 +157,8 @@ ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
 
 double Reconstruction::bytes() const {
   return (fourth_points_ ? fourth_points_->bytes() : 0) + (clamped_ ? clamped_->bytes() : 0) +
-         (refinement_ ? refinement_->bytes() : 0) + (sections_ ? sections_->bytes() : 0) +
+         (refinement_ ? refinement_->bytes() : 0) +
+         (cross_sections_ ? cross_sections_->bytes() : 0) +
          (coarse_refinement_ ? coarse_refinement_->bytes() : 0);
 }
 

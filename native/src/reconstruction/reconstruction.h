@@ -26,7 +26,7 @@ struct Refined {
   /// and more are stiffer.
   double rotation_smoothing = 0.009;
   double rim_smoothing = 0;  ///< see ClampedPoisson; 0: (14) as it stands
-  /// Of limbs, with iterations: 0, a hollow skin as (14) has it, to 1; see Sections.
+  /// Of limbs, with iterations: 0, a hollow skin as (14) has it, to 1; see CrossSections.
   double solidity = 0;
 };
 
@@ -87,8 +87,8 @@ class Reconstruction {
   double refined_length_ = -1;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;
   std::unique_ptr<CoarseRefinement> coarse_refinement_;
-  bool has_looked_for_sections_ = false;
-  std::unique_ptr<Sections> sections_;  // of surface_, for refinement_; null: none
+  bool has_looked_for_cross_sections_ = false;
+  std::unique_ptr<CrossSections> cross_sections_;  // of surface_, for refinement_; null: none
 };
 
 }  // namespace dd

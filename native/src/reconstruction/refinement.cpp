@@ -10,10 +10,10 @@
 
 #include "mesh/topology.h"
 #include "mesh/unit_box.h"
+#include "reconstruction/cross_section_means.h"
 #include "reconstruction/gradients.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
-#include "reconstruction/section_means.h"
 
 namespace dd {
 
@@ -61,8 +61,8 @@ template <class Real>
 class RefinementOf : public Refinement {
  public:
   RefinementOf(FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
-  void set_solidity(const Sections* sections, double solidity) override;
-  const SectionArms& arms() const override { return arms_; }
+  void set_solidity(const CrossSections* sections, double solidity) override;
+  const CrossSectionArms& arms() const override { return arms_; }
   const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
   void find(int iterations, const Turning& turning, Rows& offsets) override {
     posed_rotations_.clear();
@@ -120,10 +120,10 @@ class RefinementOf : public Refinement {
   Quaternions posed_rotations_;         // of triangles, from S to the pose; empty: none
   Quaternions posed_vertex_rotations_;  // the same of vertices, where there are sections
   std::unique_ptr<RotatedFluxPass<Real>> posed_pass_;
-  const Sections* sections_ = nullptr;
+  const CrossSections* cross_sections_ = nullptr;
   double solidity_ = 0;
-  std::unique_ptr<SectionMeans<Real>> section_means_;  // null: no sections
-  SectionArms arms_;
+  std::unique_ptr<CrossSectionMeans<Real>> cross_section_means_;  // null: no sections
+  CrossSectionArms arms_;
   Eigen::VectorXd solidity_of_row_;
   Rows positions_, before_;
   Rows rest_unsmoothed_, rest_smoothed_, rest_blended_;
@@ -197,12 +197,13 @@ void RefinementOf<Real>::make_smoothing(const Positions& arms) {
 }
 
 template <class Real>
-void RefinementOf<Real>::set_solidity(const Sections* sections, double solidity) {
+void RefinementOf<Real>::set_solidity(const CrossSections* sections, double solidity) {
   if (!sections || solidity == 0) sections = nullptr, solidity = 0;
-  if (sections == sections_ && solidity == solidity_) return;
-  sections_ = nullptr;
+  if (sections == cross_sections_ && solidity == solidity_) return;
+  cross_sections_ = nullptr;
   solidity_ = -1;  // neither of them is set if memory runs out
-  if (sections) section_means_ = std::make_unique<SectionMeans<Real>>(surface_, *sections);
+  if (sections)
+    cross_section_means_ = std::make_unique<CrossSectionMeans<Real>>(surface_, *sections);
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
   arms_.set(arms);
@@ -211,7 +212,7 @@ void RefinementOf<Real>::set_solidity(const Sections* sections, double solidity)
   pass_.take(arms_.centres(surface_.rest));
   posed_rotations_.clear();
   find_rest();
-  sections_ = sections;
+  cross_sections_ = sections;
   solidity_ = solidity;
 }
 
@@ -341,7 +342,7 @@ void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offs
   find_moving_rotations();
   posed_rotations_ = triangle_rotations_;
   Rows centres = positions_;
-  if (sections_) {
+  if (cross_sections_) {
     posed_vertex_rotations_.resize(vertex_rotations_.size());
     averages_.run(posed_rotations_, posed_vertex_rotations_, surface_.poisson->pool());
     arms_.turn(posed_vertex_rotations_.data());
@@ -360,7 +361,7 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
   // Tuned: solid limbs change little after two iterations of four.
-  if (sections_)
+  if (cross_sections_)
     iterations = std::max(
         1, iterations - static_cast<int>(std::lround(0.5 * solidity_of_row_.mean() * iterations)));
   for (int iteration = 0; iteration < iterations; ++iteration) {
@@ -374,9 +375,9 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
     find_means(turning.propagate_signs && iteration > 0 ? &propagated_gauge_ : turning.gauge);
     if (turning.propagate_signs && iteration == 0) propagate_signs();
     PassSettings settings = pass_settings(iteration, iterations);
-    if (sections_) {
+    if (cross_sections_) {
       settings.smoothing = 1;
-      section_means_->run(solidity_, turning, vertex_rotations_);
+      cross_section_means_->run(solidity_, turning, vertex_rotations_);
     }
     if (settings.smoothing > 0) smoothing_->run(vertex_rotations_.data(), settings.smoothing);
     at_rest_ = &at_rest_with(settings.smoothing);
@@ -387,7 +388,7 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
 
 template <class Real>
 void RefinementOf<Real>::turn_arms() {
-  if (!sections_) return;
+  if (!cross_sections_) return;
   if (posed_rotations_.empty()) return arms_.turn(vertex_rotations_.data());
   using Quaternion = Eigen::Quaternion<Real>;
   from_pose_ = vertex_rotations_;
@@ -401,7 +402,7 @@ void RefinementOf<Real>::turn_arms() {
 template <class Real>
 void RefinementOf<Real>::step(double weight, double relaxation, Rows& offsets) {
   const auto add_flux = [&](int section, double* rows) { add(section, rows); };
-  if (!sections_) {
+  if (!cross_sections_) {
     surface_.poisson->solve(*at_rest_, add_flux, offsets, weight * relaxation);
     return;
   }
@@ -431,7 +432,8 @@ template <class Real>
 double RefinementOf<Real>::bytes() const {
   const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + from_pose_.size() +
                        posed_rotations_.size() + posed_vertex_rotations_.size();
-  return smoothing_->bytes() + arms_.bytes() + (section_means_ ? section_means_->bytes() : 0) +
+  return smoothing_->bytes() + arms_.bytes() +
+         (cross_section_means_ ? cross_section_means_->bytes() : 0) +
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +

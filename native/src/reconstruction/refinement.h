@@ -3,20 +3,20 @@
 
 #include <memory>
 
+#include "reconstruction/cross_section_arms.h"
+#include "reconstruction/cross_sections.h"
 #include "reconstruction/factored_surface.h"
 #include "reconstruction/gradient_source.h"
 #include "reconstruction/rotation_smoothing.h"
-#include "reconstruction/section_arms.h"
-#include "reconstruction/sections.h"
 #include "reconstruction/turning.h"
 
 namespace dd {
 
 /// The right-hand side of the last solve of a refinement. Where limbs are solid, the solution is of
-/// the centres of their sections, see Sections.
+/// the centres of their sections, see CrossSections.
 class RefinedFlux : public FluxSource {
  public:
-  virtual const SectionArms& arms() const = 0;
+  virtual const CrossSectionArms& arms() const = 0;
   /// How solid the surface is at each free row, 0 to 1; empty: it isn't.
   virtual const Eigen::VectorXd& solidity() const = 0;
 };
@@ -40,7 +40,7 @@ class RefinedFlux : public FluxSource {
 class Refinement : public RefinedFlux {
  public:
   /// sections: must outlive this; null: there are none. solidity: 0, a hollow skin, to 1.
-  virtual void set_solidity(const Sections* sections, double solidity) = 0;
+  virtual void set_solidity(const CrossSections* sections, double solidity) = 0;
   /// offsets: displacements of all rows; in: the start, out: the solution of the last but one
   /// iteration. The rotations stay until the next call.
   virtual void find(int iterations, const Turning& turning, Rows& offsets) = 0;

@@ -43,20 +43,22 @@ Eigen::VectorXd masses_on(const CoarseSurface& coarse, const FactoredSurface& fi
 }
 
 /// The sections of a coarse surface's vertices, sampled on the fine one.
-std::unique_ptr<Sections> sections_of(const CoarseSurface& coarse, const FactoredSurface& fine,
-                                      const std::vector<CoarseSurface::Stencil>& stencils) {
+std::unique_ptr<CrossSections> cross_sections_of(
+    const CoarseSurface& coarse, const FactoredSurface& fine,
+    const std::vector<CoarseSurface::Stencil>& stencils) {
   const FactoredSurface& surface = coarse.surface();
-  SectionSamples samples{fine, {}, surface.order().free_count, [&](int active_index) {
-                           const CoarseSurface::Stencil& stencil = stencils[size_t(active_index)];
-                           Sections::Terms terms;
-                           for (int k = 0; k < 3; ++k)
-                             if (stencil.weight[k] > 0)
-                               terms.emplace_back(stencil.active_index[k], stencil.weight[k]);
-                           return terms;
-                         }};
+  CrossSectionSamples samples{fine, {}, surface.order().free_count, [&](int active_index) {
+                                const CoarseSurface::Stencil& stencil =
+                                    stencils[size_t(active_index)];
+                                CrossSections::Terms terms;
+                                for (int k = 0; k < 3; ++k)
+                                  if (stencil.weight[k] > 0)
+                                    terms.emplace_back(stencil.active_index[k], stencil.weight[k]);
+                                return terms;
+                              }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(coarse.vertices()[size_t(surface.poisson->active_vertex(i))]);
-  return find_sections(samples);
+  return find_cross_sections(samples);
 }
 
 template <class Real>
@@ -117,23 +119,24 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void set_solidity(double solidity) override {
     if (solidity == solidity_) return;
-    if (solidity > 0 && !has_looked_for_sections_) {
-      sections_ = sections_of(*surface_, fine_, stencils_);
-      has_looked_for_sections_ = true;
+    if (solidity > 0 && !has_looked_for_cross_sections_) {
+      cross_sections_ = cross_sections_of(*surface_, fine_, stencils_);
+      has_looked_for_cross_sections_ = true;
     }
     solidity_ = -1;  // it isn't set if memory runs out
-    refinement_->set_solidity(sections_.get(), solidity);
+    refinement_->set_solidity(cross_sections_.get(), solidity);
     Positions arms(0, 3);
     solidity_of_row_.resize(0);
-    if (sections_ && solidity > 0) {
+    if (cross_sections_ && solidity > 0) {
       arms.setZero(fine_.poisson->active_vertex_count(), 3);
       solidity_of_row_.setZero(fine_.order().free_count);
       for (Index i = 0; i < arms.rows(); ++i)
         for (int k = 0; k < 3; ++k) {
           const int from = stencils_[size_t(i)].active_index[k];
           const double weight = solidity * stencils_[size_t(i)].weight[k];
-          arms.row(i) += weight * sections_->arms.row(from);
-          if (i < solidity_of_row_.size()) solidity_of_row_[i] += weight * sections_->shares[from];
+          arms.row(i) += weight * cross_sections_->arms.row(from);
+          if (i < solidity_of_row_.size())
+            solidity_of_row_[i] += weight * cross_sections_->shares[from];
         }
     }
     arms_.set(std::move(arms));
@@ -141,7 +144,7 @@ class CoarseRefinementOf : public CoarseRefinement {
     rests_.clear();
     solidity_ = solidity;
   }
-  const SectionArms& arms() const override { return arms_; }
+  const CrossSectionArms& arms() const override { return arms_; }
   const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
 
   void add(int section, double* rows) const override {
@@ -155,7 +158,7 @@ class CoarseRefinementOf : public CoarseRefinement {
                          prescribed_rotations_.size() +
                          Index(rests_.size()) * 4 * fine_.poisson->right_hand_side_rows();
     return surface_->bytes() + gradients_->bytes() + refinement_->bytes() + pass_.bytes() +
-           spread_.bytes() + arms_.bytes() + (sections_ ? sections_->bytes() : 0) +
+           spread_.bytes() + arms_.bytes() + (cross_sections_ ? cross_sections_->bytes() : 0) +
            static_cast<double>(stencils_.size() * sizeof(stencils_[0])) +
            (prescribed_ ? prescribed_->bytes() : 0) +
            static_cast<double>((given_.size() + rotations_.size()) * sizeof(Real)) +
@@ -191,10 +194,10 @@ class CoarseRefinementOf : public CoarseRefinement {
   RotationMeans<Real> spread_;  // interpolation from the coarse active vertices to the fine ones
   std::vector<Real> given_, rotations_;
   std::vector<CoarseSurface::Stencil> stencils_;  // of the fine active vertices
-  bool has_looked_for_sections_ = false;
-  std::unique_ptr<Sections> sections_;  // of the coarse surface; null: none
+  bool has_looked_for_cross_sections_ = false;
+  std::unique_ptr<CrossSections> cross_sections_;  // of the coarse surface; null: none
   double solidity_ = 0;
-  SectionArms arms_;                 // of the fine surface
+  CrossSectionArms arms_;            // of the fine surface
   Eigen::VectorXd solidity_of_row_;  // of the fine surface
   std::map<double, Rows> rests_;     // right-hand sides at rest, by last_smoothing()
   const Rows* at_rest_ = nullptr;    // one of rests_

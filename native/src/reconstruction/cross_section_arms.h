@@ -8,11 +8,11 @@
 
 namespace dd {
 
-/// The arms r of Sections in a pose. Turns displacements of the surface into those of the centres,
-/// and back: c' − c = (p' − p) − (R r − r). Without arms both are the same.
-class SectionArms {
+/// The arms r of CrossSections in a pose. Turns displacements of the surface into those of the
+/// centres, and back: c' − c = (p' − p) − (R r − r). Without arms both are the same.
+class CrossSectionArms {
  public:
-  explicit SectionArms(const FactoredSurface& surface) : surface_(surface) {}
+  explicit CrossSectionArms(const FactoredSurface& surface) : surface_(surface) {}
 
   /// arms: by active index, or without rows.
   void set(Positions arms) {

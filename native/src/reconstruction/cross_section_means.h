@@ -4,18 +4,19 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "reconstruction/cross_sections.h"
 #include "reconstruction/factored_surface.h"
 #include "reconstruction/rotation_means.h"
-#include "reconstruction/sections.h"
 #include "reconstruction/turning.h"
 
 namespace dd {
 
-/// Means of rotations over Sections.
+/// Means of rotations over CrossSections.
 template <class Real>
-class SectionMeans {
+class CrossSectionMeans {
  public:
-  SectionMeans(const FactoredSurface& surface, const Sections& sections) : surface_(surface) {
+  CrossSectionMeans(const FactoredSurface& surface, const CrossSections& sections)
+      : surface_(surface) {
     for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
       if (i < surface.order().free_count && sections.shares[i] > 0)
         means_.append(sections.means[size_t(i)]);
@@ -32,7 +33,7 @@ class SectionMeans {
     now_ = rotations;
     next_.resize(now_.size());
     if (relative) each([&](int i, Map q) { q = q * gauge(turning, i).conjugate(); }, now_);
-    for (int round = 0; round < kSectionRounds; ++round) {
+    for (int round = 0; round < kCrossSectionRounds; ++round) {
       means_.run(now_, next_, surface_.poisson->pool());
       now_.swap(next_);
     }

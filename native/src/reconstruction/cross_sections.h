@@ -26,7 +26,7 @@ namespace dd {
 ///
 /// A section is sampled by rays from p into the inside. c is the mean of the points that they meet
 /// and p, averaged again over the sections of these; on a circle rays alone would give its centre.
-struct Sections {
+struct CrossSections {
   /// Active indices of the surface and weights.
   using Terms = std::vector<std::pair<int, double>>;
 
@@ -40,23 +40,23 @@ struct Sections {
 };
 
 /// The vertices of a surface whose sections are sampled.
-struct SectionSamples {
+struct CrossSectionSamples {
   const FactoredSurface& surface;  ///< which rays are cast in
   std::vector<int> vertices;       ///< vertices of the surface, free ones first, then rims
   int free_count;
   /// An active vertex of the surface as a mean of samples.
-  std::function<Sections::Terms(int active_index)> terms_of;
+  std::function<CrossSections::Terms(int active_index)> terms_of;
 };
 
 /// Null where no vertex has another side.
-std::unique_ptr<Sections> find_sections(const SectionSamples& samples);
+std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples);
 /// Those of all active vertices.
-std::unique_ptr<Sections> find_sections(const FactoredSurface& surface);
+std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surface);
 
 /// Rounds of averaging over sections. On a circle, a round leaves a quarter of the first angular
 /// mode and half of the second; each spreads rotations along the limb, too. Tuned without the
 /// smoothing over arms: a cylinder whose tip is led aside keeps 78% of its section with two rounds,
 /// 99% with four.
-constexpr int kSectionRounds = 3;
+constexpr int kCrossSectionRounds = 3;
 
 }  // namespace dd

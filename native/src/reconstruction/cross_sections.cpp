@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "reconstruction/sections.h"
+#include "reconstruction/cross_sections.h"
 
 #include <algorithm>
 #include <array>
@@ -28,7 +28,7 @@ constexpr size_t kRays = std::size(kDirections);
 // Distance of the other side at which half of it counts, as a fraction of the surface's size.
 constexpr double kHalfThickness = 0.5;
 
-struct Section {
+struct CrossSection {
   std::array<PointOnTriangle, kRays> points;
   std::array<double, kRays> weights{};  // of the points; all rays together have 1
   Eigen::RowVector3d centre;
@@ -64,8 +64,8 @@ class Rays {
 
   int part_of(int v) const { return parts_.of_vertex[size_t(v)]; }
 
-  Section from(int v) const {
-    Section section;
+  CrossSection from(int v) const {
+    CrossSection section;
     const Eigen::Vector3d p = mesh_.positions.row(v).transpose();
     section.centre = p.transpose();
     const int part = part_of(v);
@@ -116,10 +116,10 @@ int active_index_of(const FactoredSurface& surface, int vertex) {
 /// Samples in place of vertices that rays meet.
 class SamplesOfVertices {
  public:
-  SamplesOfVertices(const SectionSamples& samples, const Rays& rays)
+  SamplesOfVertices(const CrossSectionSamples& samples, const Rays& rays)
       : samples_(samples), rays_(rays) {}
 
-  Sections::Terms of(int vertex) const {
+  CrossSections::Terms of(int vertex) const {
     const int active = active_index_of(samples_.surface, vertex);
     if (active >= 0) return samples_.terms_of(active);
     // Beyond the rims: the nearest rim of its part that moves as it does.
@@ -139,13 +139,13 @@ class SamplesOfVertices {
   }
 
  private:
-  const SectionSamples& samples_;
+  const CrossSectionSamples& samples_;
   const Rays& rays_;
 };
 
 /// The terms of the mean of a section.
-Sections::Terms mean_over(const Section& section, int own, const SamplesOfVertices& samples,
-                          const Triangles& triangles) {
+CrossSections::Terms mean_over(const CrossSection& section, int own,
+                               const SamplesOfVertices& samples, const Triangles& triangles) {
   std::map<int, double> weights;
   double sum = 0;
   for (size_t k = 0; k < kRays; ++k) {
@@ -165,19 +165,20 @@ Sections::Terms mean_over(const Section& section, int own, const SamplesOfVertic
 
 }  // namespace
 
-std::unique_ptr<Sections> find_sections(const SectionSamples& samples) {
+std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples) {
   const Mesh& mesh = samples.surface.mesh;
   const Rays rays(samples.surface);
   const auto count = static_cast<Index>(samples.vertices.size());
-  std::vector<Section> sections(samples.vertices.size());
+  std::vector<CrossSection> sections(samples.vertices.size());
   constexpr int kLeastRays = 64;
   samples.surface.poisson->pool().parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i)
       sections[size_t(i)] = rays.from(samples.vertices[size_t(i)]);
   });
-  if (std::none_of(sections.begin(), sections.end(), [](const Section& s) { return s.share > 0; }))
+  if (std::none_of(sections.begin(), sections.end(),
+                   [](const CrossSection& s) { return s.share > 0; }))
     return nullptr;
-  auto found = std::make_unique<Sections>();
+  auto found = std::make_unique<CrossSections>();
   found->shares.resize(count);
   Positions centres(count, 3);
   const SamplesOfVertices of_vertices(samples, rays);
@@ -187,7 +188,7 @@ std::unique_ptr<Sections> find_sections(const SectionSamples& samples) {
     found->means.push_back(
         mean_over(sections[size_t(i)], static_cast<int>(i), of_vertices, mesh.triangles));
   }
-  for (int round = 0; round < kSectionRounds; ++round) {
+  for (int round = 0; round < kCrossSectionRounds; ++round) {
     const Positions before = centres;
     for (Index i = 0; i < count; ++i) {
       centres.row(i).setZero();
@@ -202,16 +203,16 @@ std::unique_ptr<Sections> find_sections(const SectionSamples& samples) {
   return found;
 }
 
-std::unique_ptr<Sections> find_sections(const FactoredSurface& surface) {
-  SectionSamples samples{surface, {}, surface.order().free_count, [](int active_index) {
-                           return Sections::Terms{{active_index, 1.0}};
-                         }};
+std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surface) {
+  CrossSectionSamples samples{surface, {}, surface.order().free_count, [](int active_index) {
+                                return CrossSections::Terms{{active_index, 1.0}};
+                              }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(surface.poisson->active_vertex(i));
-  return find_sections(samples);
+  return find_cross_sections(samples);
 }
 
-double Sections::bytes() const {
+double CrossSections::bytes() const {
   size_t terms = 0;
   for (const Terms& of : means) terms += of.capacity();
   return static_cast<double>(terms * sizeof(Terms::value_type) + means.size() * sizeof(Terms)) +
