@@ -197,7 +197,7 @@ TEST_CASE("a solid limb follows a drag without jumps, also where the gauge begin
         }) < 2);
 }
 
-TEST_CASE("solid limbs do not depend on the number of threads") {
+TEST_CASE("solid limbs do not depend on the number of threads", "[threads]") {
   const SolidLimb limb(0.5, 0.06, 1, 3);
   BindOptions one, two;
   one.threads = 1;
