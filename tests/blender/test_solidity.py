@@ -109,3 +109,22 @@ def test_examples_are_solid_too(tentacle):
     settings.handles[0].target.location = (0.5, 0.5 * LENGTH, 0.6 * LENGTH)
     update()
     assert least(ob, rest) > 0.9
+
+
+@pytest.mark.parametrize('setting, value, why', [('refine', 0, "Quality of large bends is 0"),
+                                                 ('rotation_only', False, None),
+                                                 ('formulation', 'FOURTH_POINTS', None)])
+def test_without_the_settings_it_needs_it_has_no_effect_and_a_reason_or_no_row(tentacle, part, setting, value, why):
+    options, settings = part('library.options'), tentacle.detail_deform
+    solidity = next(option for option in options.SETTINGS if option.name == 'solidity')
+    lead_down(tentacle)
+    setattr(settings, setting, value)
+    update()
+    before = evaluated(tentacle)
+    settings.solidity = 1
+    update()
+    assert np.array_equal(evaluated(tentacle), before)
+    if why:
+        assert why in options.why_not(solidity, settings)
+    else:
+        assert not options.is_shown(solidity, settings)
