@@ -6,6 +6,7 @@
 set -euo pipefail
 build=$1 sources=$2
 unset DETAIL_DEFORM_LIBRARY
+export CMAKE_GENERATOR=Ninja  # as the presets; a bare system has no make
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
