@@ -22,6 +22,7 @@
 #include "deform/draft.h"
 #include "deform/mesh_transfer.h"
 #include "deform/split_motion.h"
+#include "faces.h"
 #include "match/points_of_fit.h"
 #include "match/registration.h"
 #include "match/triangle_match.h"
@@ -36,7 +37,10 @@ using dd::Index;
 using dd::Mesh;
 using dd::Positions;
 using dd::test::Affine;
+using dd::test::ball;
 using dd::test::Case;
+using dd::test::face;
+using dd::test::Lids;
 
 struct Outcome {
   Positions positions;
@@ -227,12 +231,6 @@ dd::TransferOptions by(dd::Placing placing) {
   return options;
 }
 
-Mesh ball(int levels, const Eigen::RowVector3d& centre, double radius) {
-  Mesh mesh = dd::test::sphere(levels);
-  mesh.positions = (radius * mesh.positions).rowwise() + centre;
-  return mesh;
-}
-
 /// A head with two eyes and a mouth's gap: two lips that meet in the pose.
 Mesh head(int levels, double size, double eye) {
   Mesh mesh = ball(levels, {0, 0, 0}, size);
@@ -267,45 +265,14 @@ Pose heads() {
   return made;
 }
 
-/// A sheet with a slit along y = 1/2, open by `gap` in its middle as an eye between lids, whose
-/// upper lid is moved down by `by`.
-Mesh lids(double gap, double by) {
-  constexpr int kColumns = 41, kRows = 25, kHalf = kColumns * kRows;
-  Mesh mesh = dd::test::grid(kColumns, kRows, [](double, double) { return 0.0; });
-  mesh = dd::test::appended(mesh, mesh);
-  for (int v = 0; v < 2 * kHalf; ++v) {
-    const double x = mesh.positions(v, 0), to_slit = (v % kRows) / double(kRows - 1);
-    const double y = to_slit * (0.5 - 0.5 * gap * std::sin(dd::kPi * x));
-    const double down = v < kHalf ? 0 : by * std::sin(dd::kPi * x) * to_slit;
-    mesh.positions.row(v) << x, (v < kHalf ? y : 1 - y) - down, 0.02 * std::sin(3 * x);
-  }
-  for (int& corner : mesh.triangles.reshaped()) {
-    const int column = corner % kHalf / kRows;
-    // The halves share their vertices at the ends of the slit.
-    if (corner >= kHalf && corner % kRows == kRows - 1 && (column == 0 || column == kColumns - 1))
-      corner -= kHalf;
-  }
-  for (Index j = mesh.triangles.rows() / 2; j < mesh.triangles.rows(); ++j)
-    std::swap(mesh.triangles(j, 1), mesh.triangles(j, 2));
-  return mesh;
-}
-
 Outcome closed_lids() {
-  const Mesh source = lids(0.1, 0), target = lids(0.16, 0);
-  dd::MeshTransfer transfer(source, target, dd::identity_correspondence(source, target),
+  const Lids source(0.1), target(0.16);
+  dd::MeshTransfer transfer(source.mesh, target.mesh,
+                            dd::identity_correspondence(source.mesh, target.mesh),
                             by(dd::Placing::vertices));
-  const Positions result = transfer.apply(lids(0.1, 0.1).positions, false);
-  return {in_unit_box(result, target.positions), error(result, lids(0.16, 0.16).positions)};
-}
-
-/// A skin and two eyes that stand out of it.
-Mesh face(double eye, double skin) {
-  Mesh mesh = ball(4, {0, 0, 0}, skin);
-  for (int side : {-1, 1})
-    mesh = dd::test::appended(
-        mesh,
-        ball(3, (skin - 0.3 * eye) * Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized(), eye));
-  return mesh;
+  const Positions& result = transfer.apply(Lids::closed(source.mesh.positions, 0.1), false);
+  return {in_unit_box(result, target.mesh.positions),
+          error(result, Lids::closed(target.mesh.positions, 0.16))};
 }
 
 Mesh cylinder(int rings, int sides, double radius, double low, double high) {
@@ -431,7 +398,8 @@ std::vector<Scene> scenes() {
                    dd::test::turned(target.positions, 1), markers);
   });
   add("match: head and eyes", [] { return matched(heads().source, heads().target, {}); });
-  add("match: eyes that stand out", [] { return matched(face(0.3, 1), face(0.26, 0.99), {}); });
+  add("match: eyes that stand out",
+      [] { return matched(face(4, 0.3, 0.7), face(4, 0.26, 0.7, 0.99), {}); });
   add("match: another animal", [] {
     return matched(dd::test::quadruped(4, 1.2, 2.2), dd::test::quadruped(5, 3.5, 0.6),
                    dd::test::quadruped(4, 3.5, 0.6).positions);

@@ -46,9 +46,8 @@ VALUE = re.compile(r'(k\w+) =\s*([-+0-9.e* /kPi]+?)(?=,\s*k\w+ =|$)')
 
 
 class Constant:
-    def __init__(self, file, name, kind, value, reason):
+    def __init__(self, file, name, kind, value):
         self.file, self.name, self.whole, self.value = file, name, kind not in ('double', 'float'), value
-        self.reason = reason
 
     @property
     def key(self):
@@ -79,7 +78,7 @@ def made_variable(text, file, constants):
             if name in NOT_VARIED:
                 return match[0]
             number = float(eval(value.replace('kPi', str(np.pi))))
-            constants.append(Constant(file, name, kind, number, reason))
+            constants.append(Constant(file, name, kind, number))
             varied = f'{name} = varied("{file}:{name}", {kind}({value}))'
             rest = re.sub(rf'\b{name} =\s*{re.escape(value)}', varied, rest)
         inside = match['indent'] or match['static']

@@ -18,6 +18,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1] / "addon")]
 
 import detail_deform  # noqa: E402
+import shapes  # noqa: E402
 import studio  # noqa: E402
 
 RINGS, SIDES, LENGTH = 121, 64, 4.0
@@ -25,17 +26,12 @@ SIZE = (420, 420)
 
 
 def limb(bottom, top, relief=0.0):
-    """A closed tapered tube along z: points, faces and colours, rings in two tints so that twists are seen."""
-    u, v = np.meshgrid(np.linspace(0, 1, RINGS), np.arange(SIDES) * 2 * pi / SIDES, indexing='ij')
-    radius = (bottom + (top - bottom) * u) * (1 + relief * np.cos(8 * v) * np.cos(24 * pi * u))
-    points = np.stack([radius * np.cos(v), radius * np.sin(v), LENGTH * u], -1).reshape(-1, 3)
-    points = np.concatenate([points, [(0, 0, 0), (0, 0, LENGTH)]])
-    count, faces = RINGS * SIDES, []
-    for j in range(SIDES):
-        k = (j + 1) % SIDES
-        faces += [(i + j, i + k, i + k + SIDES, i + j + SIDES) for i in range(0, count - SIDES, SIDES)]
-        faces += [(count, k, j), (count + 1, count - SIDES + j, count - SIDES + k)]
-    stripes = np.append((np.arange(count) % SIDES // 8) % 2, (0, 0))
+    """A closed tapered tube along z: points, faces and colours, in two tints so that twists are seen."""
+    points, faces = shapes.tube(RINGS, SIDES, LENGTH, lambda angle: shapes.circle(angle, 1.0))
+    points = points[:, [1, 2, 0]]  # from the x axis to the z axis
+    u, turn = points[:, 2] / LENGTH, np.arctan2(points[:, 1], points[:, 0])
+    points[:, :2] *= ((bottom + (top - bottom) * u) * (1 + relief * np.cos(8 * turn) * np.cos(24 * pi * u)))[:, None]
+    stripes = (np.arange(len(points)) % SIDES // 8) % 2
     return points, faces, np.where(stripes[:, None] > 0, (0.75, 0.42, 0.22), (0.88, 0.72, 0.52))
 
 

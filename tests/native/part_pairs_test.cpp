@@ -2,6 +2,7 @@
 #include "match/part_pairs.h"
 
 #include "catch.h"
+#include "faces.h"
 #include "match/registration.h"
 #include "match/triangle_match.h"
 #include "mesh/topology.h"
@@ -9,28 +10,11 @@
 #include "meshes.h"
 
 using namespace dd;
+using test::ball;
+using test::face;
+using test::to_eye;
 
 namespace {
-
-Mesh ball(int levels, const Eigen::RowVector3d& centre, double radius) {
-  Mesh mesh = test::sphere(levels);
-  mesh.positions = (radius * mesh.positions).rowwise() + centre;
-  return mesh;
-}
-
-/// The direction from the middle of a skin to its eye on the side -1 or 1.
-Eigen::RowVector3d to_eye(int side) {
-  return Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
-}
-
-/// A skin and two eyes that stand out of it by the fraction `out` of their radius.
-Mesh face(int levels, double radius, double out, double skin = 1) {
-  Mesh mesh = ball(levels, {0, 0, 0}, skin);
-  for (int side : {-1, 1})
-    mesh =
-        test::appended(mesh, ball(levels - 1, (skin + (out - 1) * radius) * to_eye(side), radius));
-  return mesh;
-}
 
 std::vector<int> parts_of(const Mesh& mesh) {
   return Components(mesh.triangles, mesh.vertex_count()).of_vertex;

@@ -1,71 +1,27 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Solid limbs: cross-sections that keep their shape, and what must not change.
-#include "cases.h"
 #include "catch.h"
 #include "deform.h"
 #include "mesh/measures.h"
 #include "mesh/triangles.h"
 #include "reconstruction/cross_sections.h"
+#include "tapered_limb.h"
 
 using namespace dd;
 using namespace dd::test;
 
 namespace {
 
-constexpr double kLimbLength = 4;
-
-/// A tapered limb of elliptic section along z, fixed below, with a handle at its tip.
-struct SolidLimb {
-  int rings, sides;
-  Mesh mesh;
-  std::vector<int> roles;
-  SolidLimb(double bottom, double top, double flatness = 1, int density = 1)
-      : rings(60 * density),
-        sides(28 * density),
-        mesh(tube(rings, sides,
-                  [&](double u, double v) {
-                    const double radius = bottom + (top - bottom) * u;
-                    return Eigen::RowVector3d(radius * std::cos(v), flatness * radius * std::sin(v),
-                                              kLimbLength * u);
-                  })),
-        roles(ends_held(mesh, 0.1, 0.9)) {}
-
-  double section(const Positions& p, int ring) const {
-    const Eigen::RowVector3d centre = p.middleRows(Index(ring) * sides, sides).colwise().mean();
-    Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
-    for (int j = 0; j < sides; ++j)
-      sum += (p.row(Index(ring) * sides + j) - centre)
-                 .cross(p.row(Index(ring) * sides + (j + 1) % sides) - centre);
-    return sum.norm() / 2;
-  }
-  /// The least area of a ring over its area at rest.
-  double least_section(const Positions& p) const {
-    double least = 1e9;
-    for (int ring = 0; ring < rings; ++ring)
-      least = std::min(least, section(p, ring) / section(mesh.positions, ring));
-    return least;
-  }
-  double volume(const Positions& p) const {
-    return signed_volume(p, mesh.triangles) / signed_volume(mesh.positions, mesh.triangles);
-  }
-};
+double volume(const TaperedLimb& limb, const Positions& p) {
+  return signed_volume(p, limb.mesh.triangles) /
+         signed_volume(limb.mesh.positions, limb.mesh.triangles);
+}
 
 UpdateOptions solid(double solidity = 1, const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
   UpdateOptions options = usual();
   options.of_method.refined.solidity = solidity;
   options.turns.assign(turn.data(), turn.data() + 3);
   return options;
-}
-
-Affine limb_twist(double degrees) {
-  return rotation_about(radians(degrees), {0, 0, 1}, {0, 0, 0}, {0, 0, 0});
-}
-
-/// The tip led down without a turn.
-Affine led_down() {
-  Affine motion = identity();
-  motion.col(3) << 0, 0.7 * kLimbLength, -0.7 * kLimbLength;
-  return motion;
 }
 
 /// A sheet with relief, which has no inside.
@@ -77,14 +33,14 @@ TEST_CASE("solid limbs keep sections and volume, twisted, bent and led aside") {
   const double shapes[3][3] = {{0.5, 0.06, 1}, {0.3, 0.3, 1}, {0.5, 0.3, 0.5}};
   for (const auto& shape : shapes)
     for (const int density : {1, 3}) {
-      const SolidLimb limb(shape[0], shape[1], shape[2], density);
+      const TaperedLimb limb(shape[0], shape[1], shape[2], density);
       Deformer deformer(limb.mesh, limb.roles, 1, {});
       const auto check = [&](const Affine& motion, const Eigen::Vector3d& turn, double least,
                              double least_volume) {
         const Positions p = surface(deformer, {motion}, solid(1, turn));
         INFO("radius " << shape[0] << ", density " << density << ", turn " << turn.norm());
         CHECK(limb.least_section(p) > least);
-        CHECK(limb.volume(p) > least_volume);
+        CHECK(volume(limb, p) > least_volume);
         CHECK(measure(limb.mesh, p, std::vector<char>(limb.roles.size(), 1)).intersecting_pairs ==
               0);
       };
@@ -92,19 +48,18 @@ TEST_CASE("solid limbs keep sections and volume, twisted, bent and led aside") {
                                                    {360.0, 0.97, 0.97},
                                                    {720.0, 0.95, 0.95},
                                                    {1080.0, 0.93, 0.95}})
-        check(limb_twist(degrees), {0, 0, radians(degrees)}, least, volume);
-      check(led_down(), {0, 0, 0}, 0.97, 0.97);
+        check(TaperedLimb::twist(degrees), {0, 0, radians(degrees)}, least, volume);
+      check(TaperedLimb::led_down(), {0, 0, 0}, 0.97, 0.97);
       for (const double degrees : {70.0, 120.0, 170.0})
-        check(bend(degrees, 0.19 * kLimbLength, 0.5 * kLimbLength), {0, radians(degrees), 0}, 0.97,
-              0.95);
+        check(TaperedLimb::bend(degrees), {0, radians(degrees), 0}, 0.97, 0.95);
     }
 }
 
 TEST_CASE("a twisted solid cylinder is the twist itself") {
-  const SolidLimb limb(0.3, 0.3);
+  const TaperedLimb limb(0.3, 0.3);
   Deformer deformer(limb.mesh, limb.roles, 1, {});
   const double turn = radians(360);
-  const Positions p = surface(deformer, {limb_twist(360)}, solid(1, {0, 0, turn}));
+  const Positions p = surface(deformer, {TaperedLimb::twist(360)}, solid(1, {0, 0, turn}));
   // The angle rises evenly from the last fixed ring to the first of the handle.
   int first_free = 0, last_free = 0;
   for (int ring = 0; ring < limb.rings; ++ring)
@@ -117,7 +72,7 @@ TEST_CASE("a twisted solid cylinder is the twist itself") {
     const double angle =
         turn * std::clamp((ring - first_free + 1.0) / (last_free - first_free + 2.0), 0.0, 1.0);
     const Positions rest = limb.mesh.positions.middleRows(Index(ring) * limb.sides, limb.sides);
-    const Positions exact = transformed(limb_twist(angle * 180 / kPi), rest);
+    const Positions exact = transformed(TaperedLimb::twist(angle * 180 / kPi), rest);
     farthest = std::max(
         farthest, largest_difference(p.middleRows(Index(ring) * limb.sides, limb.sides), exact));
   }
@@ -125,7 +80,7 @@ TEST_CASE("a twisted solid cylinder is the twist itself") {
 }
 
 TEST_CASE("solidity leaves rest, rigid motions and scale as they are") {
-  const SolidLimb limb(0.5, 0.06);
+  const TaperedLimb limb(0.5, 0.06);
   const std::vector<int> held = held_by_one(limb.roles);
   Deformer deformer(limb.mesh, held, 1, {});
   const double box = bounding_box_diagonal(limb.mesh.positions);
@@ -136,11 +91,11 @@ TEST_CASE("solidity leaves rest, rigid motions and scale as they are") {
                            transformed(motion, limb.mesh.positions)) < 1e-9 * box);
   Mesh scaled = limb.mesh;
   scaled.positions *= 1e-3;
-  Affine small = led_down();
+  Affine small = TaperedLimb::led_down();
   small.col(3) *= 1e-3;
   Deformer of_scaled(scaled, limb.roles, 1, {}), of_limb(limb.mesh, limb.roles, 1, {});
   CHECK(largest_difference(1e3 * surface(of_scaled, {small}, solid()),
-                           surface(of_limb, {led_down()}, solid())) < 1e-6 * box);
+                           surface(of_limb, {TaperedLimb::led_down()}, solid())) < 1e-6 * box);
 }
 
 TEST_CASE("solidity changes nothing on sheets, and nothing at 0, to the bit") {
@@ -148,29 +103,29 @@ TEST_CASE("solidity changes nothing on sheets, and nothing at 0, to the bit") {
   Deformer of_sheet(sheet.mesh, sheet.roles, 1, {});
   CHECK(
       (surface(of_sheet, {sheet.motion}, solid(1)) == surface(of_sheet, {sheet.motion}, usual())));
-  const SolidLimb limb(0.5, 0.06);
+  const TaperedLimb limb(0.5, 0.06);
   Deformer deformer(limb.mesh, limb.roles, 1, {});
-  const Positions before = surface(deformer, {led_down()}, usual());
-  CHECK(largest_difference(surface(deformer, {led_down()}, solid(1)), before) > 0.1);
-  CHECK((surface(deformer, {led_down()}, solid(0)) == before));
+  const Positions before = surface(deformer, {TaperedLimb::led_down()}, usual());
+  CHECK(largest_difference(surface(deformer, {TaperedLimb::led_down()}, solid(1)), before) > 0.1);
+  CHECK((surface(deformer, {TaperedLimb::led_down()}, solid(0)) == before));
 }
 
 TEST_CASE("solidity acts evenly from 0 to 1, and on parts whose triangles face inwards") {
-  const SolidLimb limb(0.3, 0.3);
+  const TaperedLimb limb(0.3, 0.3);
   Deformer deformer(limb.mesh, limb.roles, 1, {});
   std::vector<double> volumes;
   for (const double solidity : {0.0, 0.3, 0.6, 1.0})
-    volumes.push_back(limb.volume(surface(deformer, {led_down()}, solid(solidity))));
+    volumes.push_back(volume(limb, surface(deformer, {TaperedLimb::led_down()}, solid(solidity))));
   for (size_t k = 1; k < volumes.size(); ++k) CHECK(volumes[k] > volumes[k - 1]);
   Mesh inside_out = limb.mesh;
   inside_out.triangles.col(1).swap(inside_out.triangles.col(2));
   Deformer of_it(inside_out, limb.roles, 1, {});
-  CHECK(largest_difference(surface(of_it, {led_down()}, solid()),
-                           surface(deformer, {led_down()}, solid())) < 0.01);
+  CHECK(largest_difference(surface(of_it, {TaperedLimb::led_down()}, solid()),
+                           surface(deformer, {TaperedLimb::led_down()}, solid())) < 0.01);
 }
 
 TEST_CASE("a solid limb follows a drag without jumps, also where the gauge begins") {
-  const SolidLimb limb(0.5, 0.06);
+  const TaperedLimb limb(0.5, 0.06);
   Deformer deformer(limb.mesh, limb.roles, 1, {});
   const auto largest_step = [&](const std::function<Positions(double)>& at) {
     Positions last = at(0);
@@ -188,28 +143,29 @@ TEST_CASE("a solid limb follows a drag without jumps, also where the gauge begin
   CHECK(largest_step([&](double s) {
           UpdateOptions options = solid(1, {0, 0, radians(360 * s)});
           options.base_deformer = BaseDeformer::motions;
-          return surface(deformer, {limb_twist(360 * s)}, options);
+          return surface(deformer, {TaperedLimb::twist(360 * s)}, options);
         }) < 2);
   CHECK(largest_step([&](double s) {
-          Affine motion = led_down();
+          Affine motion = TaperedLimb::led_down();
           motion.col(3) *= s;
           return surface(deformer, {motion}, solid());
         }) < 2);
 }
 
 TEST_CASE("solid limbs do not depend on the number of threads", "[threads]") {
-  const SolidLimb limb(0.5, 0.06, 1, 3);
+  const TaperedLimb limb(0.5, 0.06, 1, 3);
   BindOptions one, two;
   one.threads = 1;
   two.threads = 2;
   Deformer by_one(limb.mesh, limb.roles, 1, one), by_two(limb.mesh, limb.roles, 1, two);
-  CHECK((surface(by_one, {led_down()}, solid()) == surface(by_two, {led_down()}, solid())));
+  CHECK((surface(by_one, {TaperedLimb::led_down()}, solid()) ==
+         surface(by_two, {TaperedLimb::led_down()}, solid())));
 }
 
 TEST_CASE("sections lie in their own part, and arms reach the axis") {
-  const SolidLimb limb(0.3, 0.3);
+  const TaperedLimb limb(0.3, 0.3);
   // A second tube around the first one, whose rays must not meet it.
-  const SolidLimb around(0.5, 0.5);
+  const TaperedLimb around(0.5, 0.5);
   const Mesh both = appended(limb.mesh, around.mesh);
   std::vector<int> roles = limb.roles;
   roles.insert(roles.end(), around.roles.begin(), around.roles.end());

@@ -7,6 +7,7 @@
 
 #include "catch.h"
 #include "deform/mesh_transfer.h"
+#include "faces.h"
 #include "match/points_of_fit.h"
 #include "match/registration.h"
 #include "match/triangle_match.h"
@@ -20,6 +21,7 @@
 
 using namespace dd;
 using test::largest_difference;
+using test::Lids;
 
 namespace {
 
@@ -37,46 +39,6 @@ Positions arched(const Positions& p) {
   }
   return result;
 }
-
-/// A sheet with a slit along y = 1/2 that is open by `gap` in its middle, as an eye between lids.
-struct Lids {
-  static constexpr int kColumns = 41, kRows = 25;  // of either half; the last row is at the slit
-  explicit Lids(double gap) {
-    mesh = test::grid(kColumns, kRows, [](double, double) { return 0.0; });
-    mesh = test::appended(mesh, mesh);
-    for (int v = 0; v < 2 * kHalf; ++v) {
-      const double x = mesh.positions(v, 0), to_slit = (v % kRows) / double(kRows - 1);
-      const double y = to_slit * (0.5 - 0.5 * gap * std::sin(kPi * x));
-      mesh.positions.row(v) << x, v < kHalf ? y : 1 - y, 0.02 * std::sin(3 * x);
-    }
-    for (Index k = 0; k < mesh.triangles.size(); ++k) {
-      int& corner = mesh.triangles.data()[k];
-      // The halves share their vertices at the slit's ends.
-      const int column = corner % kHalf / kRows;
-      if (corner >= kHalf && corner % kRows == kRows - 1 && (column == 0 || column == kColumns - 1))
-        corner -= kHalf;
-    }
-    for (Index j = mesh.triangles.rows() / 2; j < mesh.triangles.rows(); ++j)
-      std::swap(mesh.triangles(j, 1), mesh.triangles(j, 2));
-  }
-  /// The upper lid moved down by `by` in the middle of its edge, by less towards its other border.
-  static Positions closed(const Positions& p, double by) {
-    Positions result = p;
-    for (int v = kHalf; v < 2 * kHalf; ++v)
-      result(v, 1) -= by * std::sin(kPi * p(v, 0)) * (v % kRows) / (kRows - 1);
-    return result;
-  }
-  /// Mean distance of the lids' edges in the middle third.
-  static double gap(const Positions& p) {
-    double sum = 0;
-    int count = 0;
-    for (int i = kColumns / 3; i < 2 * kColumns / 3; ++i, ++count)
-      sum += (p.row(i * kRows + kRows - 1) - p.row(kHalf + i * kRows + kRows - 1)).norm();
-    return sum / count;
-  }
-  static constexpr int kHalf = kColumns * kRows;
-  Mesh mesh;
-};
 
 }  // namespace
 

@@ -44,7 +44,13 @@ class CrossSectionArms {
   }
 
   void to_centres(Rows& offsets) const { add(-1, offsets); }
-  void from_centres(Rows& offsets) const { add(1, offsets); }
+  /// Calls solve() with the centres' displacements in place of the surface's.
+  template <class Solve>
+  void solve_for_centres(Rows& offsets, const Solve& solve) const {
+    to_centres(offsets);
+    solve();
+    add(1, offsets);
+  }
 
   double bytes() const {
     return static_cast<double>((arms_.size() + displacements_.size()) * Index(sizeof(double)));

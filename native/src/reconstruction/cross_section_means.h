@@ -18,7 +18,7 @@ class CrossSectionMeans {
   CrossSectionMeans(const FactoredSurface& surface, const CrossSections& sections)
       : surface_(surface) {
     for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
-      if (i < surface.order().free_count && sections.shares[i] > 0)
+      if (i < surface.order().free_count)
         means_.append(sections.means[size_t(i)]);
       else
         means_.append({{i, 1.0}});  // rims keep the rotations of their handles

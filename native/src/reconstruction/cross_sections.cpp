@@ -44,18 +44,18 @@ class Rays {
         tree_(mesh_),
         normals_(summed_normals(mesh_.positions, mesh_.triangles)),
         parts_(mesh_.triangles, mesh_.vertex_count()) {
-    // A part whose triangles face inwards has a negative volume.
+    // A part whose triangles face inwards has a negative volume; an open one, the cone over it.
     Eigen::VectorXd volumes = Eigen::VectorXd::Zero(parts_.count);
-    std::vector<Eigen::Vector3d> origins(size_t(parts_.count), Eigen::Vector3d::Zero());
-    std::vector<char> seen(size_t(parts_.count), 0);
+    std::vector<int> apex(size_t(parts_.count), -1);
     for (Index j = 0; j < mesh_.triangles.rows(); ++j) {
       const auto corner = mesh_.triangles.row(j);
-      const auto part = size_t(parts_.of_vertex[size_t(corner[0])]);
-      if (!seen[part]) origins[part] = mesh_.positions.row(corner[0]).transpose(), seen[part] = 1;
+      const int part = part_of(corner[0]);
+      if (apex[size_t(part)] < 0) apex[size_t(part)] = corner[0];
       const auto at = [&](int k) -> Eigen::Vector3d {
-        return mesh_.positions.row(corner[k]).transpose() - origins[part];
+        return (mesh_.positions.row(corner[k]) - mesh_.positions.row(apex[size_t(part)]))
+            .transpose();
       };
-      volumes[Index(part)] += at(0).dot(at(1).cross(at(2)));
+      volumes[part] += at(0).dot(at(1).cross(at(2)));
     }
     for (int part = 0; part < parts_.count; ++part)
       outwards_.push_back(volumes[part] < 0 ? -1.0 : 1.0);
@@ -77,9 +77,9 @@ class Rays {
                    around = kDirections[k].around * kPi / 180, cosine = std::cos(tilt);
       const Eigen::Vector3d direction =
           -cosine * n + std::sin(tilt) * (std::cos(around) * a + std::sin(around) * b);
-      const PointOnTriangle point = tree_.first_exit(
-          p, direction, 1e-6 * size_, outwards_[size_t(part)],
-          [&](int j) { return parts_.of_vertex[size_t(mesh_.triangles(j, 0))] == part; });
+      const PointOnTriangle point =
+          tree_.first_exit(p, direction, 1e-6 * size_, outwards_[size_t(part)],
+                           [&](int j) { return part_of(mesh_.triangles(j, 0)) == part; });
       if (k == 0 && point.triangle < 0) return section;  // relief of a sheet, open below
       if (point.triangle < 0) continue;
       const double distance = (point.position - p).norm();
@@ -103,16 +103,6 @@ class Rays {
   double all_ = 0;
 };
 
-/// The active index of a vertex; −1: it isn't active.
-int active_index_of(const FactoredSurface& surface, int vertex) {
-  const PoissonSystem& poisson = *surface.poisson;
-  const int row = poisson.order().row_of_vertex[size_t(vertex)];
-  if (row < poisson.order().free_count) return row;
-  return std::binary_search(poisson.rims().begin(), poisson.rims().end(), row)
-             ? poisson.active_index(row)
-             : -1;
-}
-
 /// Samples in place of vertices that rays meet.
 class SamplesOfVertices {
  public:
@@ -120,7 +110,7 @@ class SamplesOfVertices {
       : samples_(samples), rays_(rays) {}
 
   CrossSections::Terms of(int vertex) const {
-    const int active = active_index_of(samples_.surface, vertex);
+    const int active = samples_.surface.poisson->active_index_of_vertex(vertex);
     if (active >= 0) return samples_.terms_of(active);
     // Beyond the rims: the nearest rim of its part that moves as it does.
     int best = -1;
@@ -169,25 +159,21 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
   const Mesh& mesh = samples.surface.mesh;
   const Rays rays(samples.surface);
   const auto count = static_cast<Index>(samples.vertices.size());
-  std::vector<CrossSection> sections(samples.vertices.size());
-  constexpr int kLeastRays = 64;
-  samples.surface.poisson->pool().parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i)
-      sections[size_t(i)] = rays.from(samples.vertices[size_t(i)]);
-  });
-  if (std::none_of(sections.begin(), sections.end(),
-                   [](const CrossSection& s) { return s.share > 0; }))
-    return nullptr;
+  const SamplesOfVertices of_vertices(samples, rays);
   auto found = std::make_unique<CrossSections>();
   found->shares.resize(count);
+  found->means.resize(size_t(count));
   Positions centres(count, 3);
-  const SamplesOfVertices of_vertices(samples, rays);
-  for (Index i = 0; i < count; ++i) {
-    centres.row(i) = sections[size_t(i)].centre;
-    found->shares[i] = sections[size_t(i)].share;
-    found->means.push_back(
-        mean_over(sections[size_t(i)], static_cast<int>(i), of_vertices, mesh.triangles));
-  }
+  constexpr int kLeastRays = 64;
+  samples.surface.poisson->pool().parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      const CrossSection section = rays.from(samples.vertices[size_t(i)]);
+      centres.row(i) = section.centre;
+      found->shares[i] = section.share;
+      found->means[size_t(i)] =
+          mean_over(section, static_cast<int>(i), of_vertices, mesh.triangles);
+    }
+  });
   for (int round = 0; round < kCrossSectionRounds; ++round) {
     const Positions before = centres;
     for (Index i = 0; i < count; ++i) {
@@ -196,10 +182,7 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
         centres.row(i) += weight * before.row(index);
     }
   }
-  found->arms.setZero(count, 3);
-  for (Index i = 0; i < count; ++i)
-    if (found->shares[i] > 0)
-      found->arms.row(i) = mesh.positions.row(samples.vertices[size_t(i)]) - centres.row(i);
+  found->arms = mesh.positions(samples.vertices, kAllIndices) - centres;
   return found;
 }
 

@@ -36,6 +36,8 @@ struct CrossSections {
   Positions arms;          ///< r
   Eigen::VectorXd shares;  ///< how much of its section is there, in [0, 1]
 
+  /// Whether no vertex has another side.
+  bool empty() const { return !(shares.array() > 0).any(); }
   double bytes() const;
 };
 
@@ -48,7 +50,6 @@ struct CrossSectionSamples {
   std::function<CrossSections::Terms(int active_index)> terms_of;
 };
 
-/// Null where no vertex has another side.
 std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples);
 /// Those of all active vertices.
 std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surface);

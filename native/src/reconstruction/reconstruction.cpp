@@ -78,10 +78,7 @@ const RefinedFlux& Reconstruction::refinement_of(double solidity) {
     coarse_refinement_->set_solidity(solidity);
     return *coarse_refinement_;
   }
-  if (solidity > 0 && !has_looked_for_cross_sections_) {
-    cross_sections_ = find_cross_sections(surface_);
-    has_looked_for_cross_sections_ = true;
-  }
+  if (solidity > 0 && !cross_sections_) cross_sections_ = find_cross_sections(surface_);
   refinement_->set_solidity(cross_sections_.get(), solidity);
   return *refinement_;
 }
@@ -108,9 +105,8 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
   if (mixed) unrefined = offsets;
   if (coarse_refinement_) {
     coarse_refinement_->find(refined.iterations, pose, turning, offsets);
-    refinement->arms().to_centres(offsets);
-    solve_by(*refinement, clamps, 1, offsets);
-    refinement->arms().from_centres(offsets);
+    refinement->arms().solve_for_centres(offsets,
+                                         [&] { solve_by(*refinement, clamps, 1, offsets); });
   } else {
     refinement_->find(refined.iterations, turning, offsets);
     solve_refined(clamps, offsets);
@@ -138,12 +134,12 @@ void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows&
 
 void Reconstruction::solve_refined(ClampedPoisson* clamps, Rows& offsets) {
   const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
-  refinement_->arms().to_centres(offsets);
-  if (clamps)
-    clamps->step(refinement_->at_rest(), add, offsets);
-  else
-    surface_.poisson->solve(refinement_->at_rest(), add, offsets);
-  refinement_->arms().from_centres(offsets);
+  refinement_->arms().solve_for_centres(offsets, [&] {
+    if (clamps)
+      clamps->step(refinement_->at_rest(), add, offsets);
+    else
+      surface_.poisson->solve(refinement_->at_rest(), add, offsets);
+  });
 }
 
 ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {

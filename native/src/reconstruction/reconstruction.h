@@ -87,8 +87,8 @@ class Reconstruction {
   double refined_length_ = -1;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;
   std::unique_ptr<CoarseRefinement> coarse_refinement_;
-  bool has_looked_for_cross_sections_ = false;
-  std::unique_ptr<CrossSections> cross_sections_;  // of surface_, for refinement_; null: none
+  std::unique_ptr<CrossSections>
+      cross_sections_;  // of surface_, for refinement_; null: not needed so far
 };
 
 }  // namespace dd

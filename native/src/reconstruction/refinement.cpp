@@ -198,7 +198,7 @@ void RefinementOf<Real>::make_smoothing(const Positions& arms) {
 
 template <class Real>
 void RefinementOf<Real>::set_solidity(const CrossSections* sections, double solidity) {
-  if (!sections || solidity == 0) sections = nullptr, solidity = 0;
+  if (!sections || sections->empty() || solidity == 0) sections = nullptr, solidity = 0;
   if (sections == cross_sections_ && solidity == solidity_) return;
   cross_sections_ = nullptr;
   solidity_ = -1;  // neither of them is set if memory runs out
@@ -408,9 +408,7 @@ void RefinementOf<Real>::step(double weight, double relaxation, Rows& offsets) {
   }
   const Index count = surface_.order().free_count;
   before_ = offsets.topRows(count);
-  arms_.to_centres(offsets);
-  surface_.poisson->solve(*at_rest_, add_flux, offsets);
-  arms_.from_centres(offsets);
+  arms_.solve_for_centres(offsets, [&] { surface_.poisson->solve(*at_rest_, add_flux, offsets); });
   surface_.poisson->pool().parallel_for(count, kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       const double solid = solidity_of_row_[r];

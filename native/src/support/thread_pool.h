@@ -8,11 +8,9 @@
 
 namespace dd {
 
-/// Least number of rows or triangles of a task. Tuned: starting a task costs about a microsecond,
-/// and 512 triangles take some ten.
+/// Least number of rows or triangles worth a task.
 constexpr int kLeastRange = 512;
-/// Tasks for each thread. Tuned: with a single one all wait for a thread that was interrupted, with
-/// many the tasks' own cost shows.
+/// Tasks for each thread: with a single one, all would wait for a thread that was interrupted.
 constexpr int kTasksPerThread = 4;
 
 /// As many threads as the machine has, at most 8: what threads = 0 stands for.

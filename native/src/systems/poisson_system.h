@@ -87,6 +87,13 @@ class PoissonSystem {
     return row < order_.free_count ? row : order_.free_count + rim_of(row);
   }
   int active_vertex(int index) const { return order_.vertex_of_row[active_row(index)]; }
+  /// The index of a vertex; −1: it isn't active.
+  int active_index_of_vertex(int vertex) const {
+    const int row = order_.row_of_vertex[vertex];
+    const bool active =
+        row < order_.free_count || std::binary_search(rims_.begin(), rims_.end(), row);
+    return active ? active_index(row) : -1;
+  }
 
   /// The row of the right-hand side to which a section adds the contribution of its active
   /// triangles to a vertex. Only divergence() reads the rows of rims.

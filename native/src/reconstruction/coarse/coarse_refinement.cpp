@@ -119,15 +119,13 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void set_solidity(double solidity) override {
     if (solidity == solidity_) return;
-    if (solidity > 0 && !has_looked_for_cross_sections_) {
+    if (solidity > 0 && !cross_sections_)
       cross_sections_ = cross_sections_of(*surface_, fine_, stencils_);
-      has_looked_for_cross_sections_ = true;
-    }
     solidity_ = -1;  // it isn't set if memory runs out
     refinement_->set_solidity(cross_sections_.get(), solidity);
     Positions arms(0, 3);
     solidity_of_row_.resize(0);
-    if (cross_sections_ && solidity > 0) {
+    if (solidity > 0 && !cross_sections_->empty()) {
       arms.setZero(fine_.poisson->active_vertex_count(), 3);
       solidity_of_row_.setZero(fine_.order().free_count);
       for (Index i = 0; i < arms.rows(); ++i)
@@ -193,9 +191,8 @@ class CoarseRefinementOf : public CoarseRefinement {
   RotatedFluxPass<Real> pass_;  // on the fine surface
   RotationMeans<Real> spread_;  // interpolation from the coarse active vertices to the fine ones
   std::vector<Real> given_, rotations_;
-  std::vector<CoarseSurface::Stencil> stencils_;  // of the fine active vertices
-  bool has_looked_for_cross_sections_ = false;
-  std::unique_ptr<CrossSections> cross_sections_;  // of the coarse surface; null: none
+  std::vector<CoarseSurface::Stencil> stencils_;   // of the fine active vertices
+  std::unique_ptr<CrossSections> cross_sections_;  // of the coarse surface; null: not needed so far
   double solidity_ = 0;
   CrossSectionArms arms_;            // of the fine surface
   Eigen::VectorXd solidity_of_row_;  // of the fine surface

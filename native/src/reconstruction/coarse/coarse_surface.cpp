@@ -62,13 +62,8 @@ void CoarseSurface::restrict(const Rows& fine, Rows& coarse) const {
 std::vector<CoarseSurface::Stencil> CoarseSurface::stencils(const FactoredSurface& fine) const {
   const Triangles& t = surface_->mesh.triangles;
   const VertexTriangles fans(t, surface_->mesh.vertex_count());
-  // The active index of a vertex; -1: it is in no active triangle.
   const auto active_index = [&](int vertex) {
-    const int row = surface_->order().row_of_vertex[vertex];
-    const std::vector<int>& rims = surface_->poisson->rims();
-    const bool active =
-        row < surface_->order().free_count || std::binary_search(rims.begin(), rims.end(), row);
-    return active ? surface_->poisson->active_index(row) : -1;
+    return surface_->poisson->active_index_of_vertex(vertex);
   };
   // The active vertex nearest to a vertex along edges, by breadth-first search.
   const auto nearest_active = [&](int vertex) {

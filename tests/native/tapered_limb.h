@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A limb whose cross-sections can be measured.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "cases.h"
+
+namespace dd::test {
+
+/// A tapered limb of elliptic section along z, with relief as a fraction of its radius. Fixed
+/// below, with a handle at its tip.
+struct TaperedLimb {
+  static constexpr double kLength = 4;
+  int rings, sides;
+  Mesh mesh;
+  std::vector<int> roles;
+
+  TaperedLimb(double bottom, double top, double flatness = 1, int density = 1, double relief = 0)
+      : rings(60 * density),
+        sides(28 * density),
+        mesh(tube(rings, sides,
+                  [=](double u, double v) {
+                    const double radius = (bottom + (top - bottom) * u) *
+                                          (1 + relief * std::sin(9 * v) * std::sin(60 * u));
+                    return Eigen::RowVector3d(radius * std::cos(v), flatness * radius * std::sin(v),
+                                              kLength * u);
+                  })),
+        roles(ends_held(mesh, 0.1, 0.9)) {}
+
+  double section(const Positions& p, int ring) const {
+    const Positions points = p.middleRows(Index(ring) * sides, sides);
+    const Eigen::RowVector3d centre = points.colwise().mean();
+    Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+    for (int j = 0; j < sides; ++j)
+      sum += (points.row(j) - centre).cross(points.row((j + 1) % sides) - centre);
+    return sum.norm() / 2;
+  }
+  /// The least area of a ring over its area at rest.
+  double least_section(const Positions& p) const {
+    double least = 1e9;
+    for (int ring = 0; ring < rings; ++ring)
+      least = std::min(least, section(p, ring) / section(mesh.positions, ring));
+    return least;
+  }
+
+  /// Motions of the tip: turned about the limb, led down without a turn, and bent.
+  static Affine twist(double degrees) {
+    return rotation_about(radians(degrees), {0, 0, 1}, {0, 0, 0}, {0, 0, 0});
+  }
+  static Affine led_down() {
+    Affine motion = identity();
+    motion.col(3) << 0, 0.7 * kLength, -0.7 * kLength;
+    return motion;
+  }
+  static Affine bend(double degrees) { return test::bend(degrees, 0.19 * kLength, 0.5 * kLength); }
+};
+
+}  // namespace dd::test
