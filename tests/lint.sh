@@ -28,37 +28,8 @@ lint_tidy() {
     [ "${PIPESTATUS[0]}" = 0 ]
 }
 
-# Compiles the C++ tests by the build's own commands, but with the headers of Catch2 3 from prepare_catch3, and by
-# clang from prepare_clang, which takes a quarter of GCC's time.
-compile_with_catch3() {
-    cmake --preset check >/dev/null || return
-    python3 - <<'PYTHON'
-import json
-import shlex
-import subprocess
-import sys
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-
-HEADERS = Path('build/catch3/usr/include').resolve()
-
-
-def compiles(entry):
-    words = shlex.split(entry['command'])
-    words = [word for word in words if Path(word).name != 'ccache']
-    words[:1] = ['clang++', '-isystem', str(HEADERS), '-DDD_CATCH2_3=1', '-fsyntax-only',
-                 '-Wno-unknown-warning-option']
-    return subprocess.run(words, cwd=entry['directory'], check=False).returncode == 0
-
-
-with open('build/check/compile_commands.json') as commands:
-    entries = [entry for entry in json.load(commands)
-               if '/tests/native/' in entry['file'] and not entry['file'].endswith('.c')]
-with ThreadPoolExecutor(2) as pool:
-    results = list(pool.map(compiles, entries))
-print(f"{sum(results)} of {len(results)} units of tests compile")
-sys.exit(not results or not all(results))
-PYTHON
+compile_alone() {
+    cmake --preset check >/dev/null && python3 tests/compile_alone.py
 }
 
 lint_python() {

@@ -58,8 +58,9 @@ TEST_CASE("solid limbs keep sections and volume, twisted, bent and led aside") {
 TEST_CASE("a twisted solid cylinder is the twist itself") {
   const TaperedLimb limb(0.3, 0.3);
   Deformer deformer(limb.mesh, limb.roles, 1, {});
-  const double turn = radians(360);
-  const Positions p = surface(deformer, {TaperedLimb::twist(360)}, solid(1, {0, 0, turn}));
+  const double degrees = 360;
+  const Positions p =
+      surface(deformer, {TaperedLimb::twist(degrees)}, solid(1, {0, 0, radians(degrees)}));
   // The angle rises evenly from the last fixed ring to the first of the handle.
   int first_free = 0, last_free = 0;
   for (int ring = 0; ring < limb.rings; ++ring)
@@ -70,9 +71,9 @@ TEST_CASE("a twisted solid cylinder is the twist itself") {
   double farthest = 0;
   for (int ring = 0; ring < limb.rings; ++ring) {
     const double angle =
-        turn * std::clamp((ring - first_free + 1.0) / (last_free - first_free + 2.0), 0.0, 1.0);
+        degrees * std::clamp((ring - first_free + 1.0) / (last_free - first_free + 2.0), 0.0, 1.0);
     const Positions rest = limb.mesh.positions.middleRows(Index(ring) * limb.sides, limb.sides);
-    const Positions exact = transformed(TaperedLimb::twist(angle * 180 / kPi), rest);
+    const Positions exact = transformed(TaperedLimb::twist(angle), rest);
     farthest = std::max(
         farthest, largest_difference(p.middleRows(Index(ring) * limb.sides, limb.sides), exact));
   }
