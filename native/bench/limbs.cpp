@@ -6,6 +6,7 @@
 //   limbs [density]     1: 1,682 vertices; 5: 42,002
 #include <cstdio>
 #include <cstdlib>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,15 +47,19 @@ std::vector<Motion> motions() {
 void measure_limb(const std::string& name, const TaperedLimb& limb, double solidity) {
   std::vector<char> free;
   for (int role : limb.roles) free.push_back(role == dd::kFree);
-  dd::Deformer deformer(limb.mesh, limb.roles, 1, {});
+  std::optional<dd::Deformer> bound;
+  const double bind =
+      milliseconds([&] { bound.emplace(limb.mesh, limb.roles, 1, dd::BindOptions{}); });
+  dd::Deformer& deformer = *bound;
   dd::UpdateOptions options;
   options.of_method.refined.iterations = 4;
   options.of_method.refined.rim_smoothing = 0.05;
   options.of_method.refined.solidity = solidity;
   const double first =
       milliseconds([&] { deformer.update(motions().front().matrix.data(), options); });
-  std::printf("%s, %d vertices, solidity %g: first update %.1f ms\n", name.c_str(),
-              limb.mesh.vertex_count(), solidity, first);
+  std::printf("%s, %d vertices, solidity %g: bind %.1f ms, first update %.1f ms, %.1f MB\n",
+              name.c_str(), limb.mesh.vertex_count(), solidity, bind, first,
+              1e-6 * deformer.bytes());
   for (const Motion& motion : motions()) {
     options.turns.assign(motion.turn.data(), motion.turn.data() + 3);
     std::vector<double> times;

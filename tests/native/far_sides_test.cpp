@@ -66,7 +66,7 @@ TEST_CASE("a ray's first exit from a surface is that of a search through all tri
       if (normals.row(j).dot(way) > 0 && solved.minCoeff() >= 0 && solved[0] + solved[1] <= 1)
         first = std::min(first, solved[2] * way.norm());
     }
-    const PointOnTriangle found = tree.first_exit(from, way, 0);
+    const PointOnTriangle found = tree.first_exit(from, way, {0});
     CHECK((found.triangle >= 0) == std::isfinite(first));
     if (found.triangle < 0) continue;
     ++found_count;
@@ -106,11 +106,11 @@ TEST_CASE("rays along axes meet triangles that are flush with their boxes, and s
   for (double x : {0.0, 0.5, 1.0})
     for (double y : {0.0, 0.5, 1.0})
       for (double z : {0.0, -0.0}) {
-        const PointOnTriangle found = tree.first_exit({x, y, 1}, {z, z, -2}, 0);
+        const PointOnTriangle found = tree.first_exit({x, y, 1}, {z, z, -2}, {0});
         REQUIRE(found.triangle >= 2);
         CHECK((found.position - Eigen::Vector3d(x, y, 0)).norm() == 0);
-        CHECK(tree.first_exit({x, y, 1}, {z, z, -2}, 1.5).triangle < 0);
-        CHECK(tree.first_exit({x, y, 1}, {z, z, 2}, 0).triangle < 0);
+        CHECK(tree.first_exit({x, y, 1}, {z, z, -2}, {1.5}).triangle < 0);
+        CHECK(tree.first_exit({x, y, 1}, {z, z, 2}, {0}).triangle < 0);
       }
 }
 

@@ -77,7 +77,7 @@ TEST_CASE("a twisted solid cylinder is the twist itself") {
     farthest = std::max(
         farthest, largest_difference(p.middleRows(Index(ring) * limb.sides, limb.sides), exact));
   }
-  CHECK(farthest < 0.02);  // of a circumference of 1.9
+  CHECK(farthest < 0.03);  // of a circumference of 1.9
 }
 
 TEST_CASE("solidity leaves rest, rigid motions and scale as they are") {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -83,20 +84,25 @@ class AabbTree {
     return nearest_facing(point, normal, max_distance, [](int) { return true; });
   }
 
-  /// The first point, farther than `beyond` from `from`, at which a ray leaves the surface: on a
-  /// triangle whose normal has a positive dot product with the direction. Triangle -1 if none.
-  PointOnTriangle first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
-                             double beyond) const {
-    return first_exit(from, direction, beyond, 1, [](int) { return true; });
-  }
-  /// The same among the triangles for which accept(j) is true. outwards: 1, or -1 where their
-  /// normals point to the inside.
+  struct Exits {
+    double beyond;  ///< of points at most this far none is an exit
+    double max_distance = std::numeric_limits<double>::infinity();
+    double outwards = 1;  ///< -1 where the triangles' normals point to the inside
+  };
+  /// The first point at which a ray leaves the surface: on a triangle whose outward normal has a
+  /// positive dot product with the direction, and for which accept(j) is true. Triangle -1 if none.
   template <class Accept>
   PointOnTriangle first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
-                             double beyond, double outwards, const Accept& accept) const;
+                             const Exits& exits, const Accept& accept) const;
+  PointOnTriangle first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                             const Exits& exits) const {
+    return first_exit(from, direction, exits, [](int) { return true; });
+  }
 
  private:
   static constexpr int kLeaf = 8;  // most triangles in a leaf
+  // Safety: more than the levels of a tree of 2³¹ triangles, each half of the one above.
+  static constexpr size_t kMaxDepth = 40;
   struct Node {
     Eigen::AlignedBox3d box, normals;  // bounds of the triangles and of their unit normals
     int begin, end, left = -1, right = -1;
@@ -147,56 +153,70 @@ class AabbTree {
 
 template <class Accept>
 PointOnTriangle AabbTree::first_exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
-                                     double beyond, double outwards, const Accept& accept) const {
+                                     const Exits& exits, const Accept& accept) const {
   // Safety: barycentric coordinates may be negative by this, or a ray could slip through between
   // triangles.
   constexpr double kBarycentricSlack = 1e-9;
   PointOnTriangle first;
   if (nodes_.empty() || !(direction.squaredNorm() > 0)) return first;
-  const Eigen::Vector3d unit_direction = direction.normalized();
-  double max_distance = std::numeric_limits<double>::infinity();
-  const auto enters = [&](const Eigen::AlignedBox3d& box) {
-    double begin = beyond, end = max_distance;
+  const Eigen::Array3d unit_direction = direction.normalized();
+  // Safety: without 0, whose inverse times 0 is no number.
+  const Eigen::Array3d inverse =
+      (unit_direction.abs() < 1e-300).select(1e-300, unit_direction).inverse();
+  const Eigen::Array3d facing = exits.outwards * unit_direction;
+  double max_distance = exits.max_distance;
+  // Where the ray enters a node's box, or infinity where it doesn't, or no triangle faces it there.
+  const auto entry = [&](const Node& node) {
+    const Eigen::Array3d low = (node.box.min().array() - from.array()) * inverse,
+                         high = (node.box.max().array() - from.array()) * inverse;
+    double begin = exits.beyond, end = max_distance;
     for (int k = 0; k < 3; ++k) {
-      const double low = box.min()[k] - from[k], high = box.max()[k] - from[k];
-      if (unit_direction[k] == 0) {
-        if (low > 0 || high < 0) return false;
-        continue;
-      }
-      begin = std::max(begin, (unit_direction[k] > 0 ? low : high) / unit_direction[k]);
-      end = std::min(end, (unit_direction[k] > 0 ? high : low) / unit_direction[k]);
+      begin = std::max(begin, std::min(low[k], high[k]));
+      end = std::min(end, std::max(low[k], high[k]));
     }
-    return begin <= end;
+    return begin <= end ? begin : std::numeric_limits<double>::infinity();
   };
-  std::vector<int> open{0};
-  while (!open.empty()) {
-    const Node& node = nodes_[open.back()];
-    open.pop_back();
-    if (!enters(node.box)) continue;
+  std::array<std::pair<double, int>, kMaxDepth> open;
+  size_t count = 0;
+  const auto add = [&](double distance, int number) {
+    if (distance < max_distance) open[count++] = {distance, number};
+  };
+  add(entry(nodes_[0]), 0);
+  while (count > 0) {
+    const auto [reached, number] = open[--count];
+    if (!(reached < max_distance)) continue;
+    const Node& node = nodes_[size_t(number)];
     if (node.left >= 0) {
-      const Eigen::Vector3d apart =
-          nodes_[node.right].box.center() - nodes_[node.left].box.center();
-      const bool left_first = apart.dot(unit_direction) > 0;
-      open.push_back(left_first ? node.right : node.left);
-      open.push_back(left_first ? node.left : node.right);
+      const double left = entry(nodes_[size_t(node.left)]),
+                   right = entry(nodes_[size_t(node.right)]);
+      // the nearer one last: it is popped first
+      if (left < right) {
+        add(right, node.right);
+        add(left, node.left);
+      } else {
+        add(left, node.left);
+        add(right, node.right);
+      }
       continue;
     }
     for (int i = node.begin; i < node.end; ++i) {
-      const int j = order_[i];
-      if (!(outwards * normals_.row(j).dot(unit_direction) > 0) || !accept(j)) continue;
+      const int j = order_[size_t(i)];
+      if (!(normals_.row(j).dot(facing.matrix()) > 0) || !accept(j)) continue;
       const Eigen::Vector3d a = mesh_.positions.row(mesh_.triangles(j, 0)),
                             ab = mesh_.positions.row(mesh_.triangles(j, 1)).transpose() - a,
                             ac = mesh_.positions.row(mesh_.triangles(j, 2)).transpose() - a;
-      const Eigen::Vector3d normal = ab.cross(ac), at = from - a, turned = at.cross(unit_direction);
-      const double volume = normal.dot(unit_direction), distance = -normal.dot(at) / volume;
-      const double v = -ac.dot(turned) / volume, w = ab.dot(turned) / volume;
-      if (!(distance > beyond && distance < max_distance && v >= -kBarycentricSlack &&
-            w >= -kBarycentricSlack && v + w <= 1 + kBarycentricSlack))
-        continue;
+      const Eigen::Vector3d normal = ab.cross(ac), at = from - a,
+                            turned = exits.outwards * at.cross(unit_direction.matrix());
+      // v and w are barycentric coordinates times the volume.
+      const double volume = normal.dot(facing.matrix()), v = -ac.dot(turned), w = ab.dot(turned);
+      const double slack = kBarycentricSlack * volume;
+      if (!(volume > 0 && v >= -slack && w >= -slack && v + w <= volume + slack)) continue;
+      const double distance = -exits.outwards * normal.dot(at) / volume;
+      if (!(distance > exits.beyond && distance < max_distance)) continue;
       max_distance = distance;
       first.triangle = j;
-      first.barycentric << 1 - v - w, v, w;
-      first.position = from + distance * unit_direction;
+      first.barycentric << 1 - (v + w) / volume, v / volume, w / volume;
+      first.position = from + distance * unit_direction.matrix();
       first.squared_distance = distance * distance;
     }
   }

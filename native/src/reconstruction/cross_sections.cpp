@@ -2,164 +2,91 @@
 #include "reconstruction/cross_sections.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <limits>
-#include <map>
 
 #include "mesh/aabb_tree.h"
-#include "mesh/topology.h"
-#include "mesh/triangles.h"
-#include "support/rotations.h"
+#include "reconstruction/limb_axes.h"
+#include "reconstruction/section_rays.h"
 
 namespace dd {
 
 namespace {
 
-// Directions of rays, in degrees: from the inward normal, and about it. Tuned: without the steep
-// ones sections of an elliptic shape are not averaged out.
-struct Direction {
-  double tilt, around;
-};
-constexpr Direction kDirections[] = {{0, 0},   {30, 0},   {30, 90},  {30, 180}, {30, 270},
-                                     {60, 45}, {60, 135}, {60, 225}, {60, 315}};
-// The first one decides whether there is another side.
-constexpr size_t kRays = std::size(kDirections);
-// Distance of the other side at which half of it counts, as a fraction of the surface's size.
-constexpr double kHalfThickness = 0.5;
-
-struct CrossSection {
-  std::array<PointOnTriangle, kRays> points;
-  std::array<double, kRays> weights{};  // of the points; all rays together have 1
-  Eigen::RowVector3d centre;
-  double share = 0;  // sum of weights
-};
-
-/// Casts rays among the triangles of a vertex' own part.
-class Rays {
- public:
-  explicit Rays(const FactoredSurface& surface)
-      : mesh_(surface.mesh),
-        size_(surface.active_size),
-        tree_(mesh_),
-        normals_(summed_normals(mesh_.positions, mesh_.triangles)),
-        parts_(mesh_.triangles, mesh_.vertex_count()) {
-    // A part whose triangles face inwards has a negative volume; an open one, the cone over it.
-    Eigen::VectorXd volumes = Eigen::VectorXd::Zero(parts_.count);
-    std::vector<int> apex(size_t(parts_.count), -1);
-    for (Index j = 0; j < mesh_.triangles.rows(); ++j) {
-      const auto corner = mesh_.triangles.row(j);
-      const int part = part_of(corner[0]);
-      if (apex[size_t(part)] < 0) apex[size_t(part)] = corner[0];
-      const auto at = [&](int k) -> Eigen::Vector3d {
-        return (mesh_.positions.row(corner[k]) - mesh_.positions.row(apex[size_t(part)]))
-            .transpose();
-      };
-      volumes[part] += at(0).dot(at(1).cross(at(2)));
-    }
-    for (int part = 0; part < parts_.count; ++part)
-      outwards_.push_back(volumes[part] < 0 ? -1.0 : 1.0);
-    for (const Direction& direction : kDirections) all_ += std::cos(direction.tilt * kPi / 180);
-  }
-
-  int part_of(int v) const { return parts_.of_vertex[size_t(v)]; }
-
-  CrossSection from(int v) const {
-    CrossSection section;
-    const Eigen::Vector3d p = mesh_.positions.row(v).transpose();
-    section.centre = p.transpose();
-    const int part = part_of(v);
-    const Eigen::Vector3d n = outwards_[size_t(part)] * normals_.row(v).transpose().normalized();
-    if (!(n.squaredNorm() > 0.5)) return section;
-    const Eigen::Vector3d a = n.unitOrthogonal(), b = n.cross(a);
-    for (size_t k = 0; k < kRays; ++k) {
-      const double tilt = kDirections[k].tilt * kPi / 180,
-                   around = kDirections[k].around * kPi / 180, cosine = std::cos(tilt);
-      const Eigen::Vector3d direction =
-          -cosine * n + std::sin(tilt) * (std::cos(around) * a + std::sin(around) * b);
-      const PointOnTriangle point =
-          tree_.first_exit(p, direction, 1e-6 * size_, outwards_[size_t(part)],
-                           [&](int j) { return part_of(mesh_.triangles(j, 0)) == part; });
-      if (k == 0 && point.triangle < 0) return section;  // relief of a sheet, open below
-      if (point.triangle < 0) continue;
-      const double distance = (point.position - p).norm();
-      section.points[k] = point;
-      section.weights[k] = cosine / all_ / (1 + std::pow(distance / (kHalfThickness * size_), 8));
-      section.share += section.weights[k];
-      // On a circle, the component of a chord towards the centre is cos² of its diameter.
-      section.centre +=
-          section.weights[k] * 0.5 * distance / (cosine * cosine) * direction.transpose();
-    }
-    return section;
-  }
-
- private:
-  const Mesh& mesh_;
-  double size_;
-  AabbTree tree_;
-  Positions normals_;
-  Components parts_;
-  std::vector<double> outwards_;  // by part: 1, or −1 where its normals point inwards
-  double all_ = 0;
-};
+/// A mesh of the samples at rims: a triangle each, all of whose corners are the rim's vertex.
+Mesh rims_of(const CrossSectionSamples& samples) {
+  const auto count = static_cast<Index>(samples.vertices.size()) - samples.free_count;
+  Triangles corners(count, 3);
+  for (Index i = 0; i < count; ++i)
+    corners.row(i).setConstant(samples.vertices[size_t(samples.free_count + i)]);
+  return {samples.surface.mesh.positions, corners};
+}
 
 /// Samples in place of vertices that rays meet.
 class SamplesOfVertices {
  public:
-  SamplesOfVertices(const CrossSectionSamples& samples, const Rays& rays)
-      : samples_(samples), rays_(rays) {}
+  SamplesOfVertices(const CrossSectionSamples& samples, const SectionRays& rays)
+      : samples_(samples), rays_(rays), rims_(rims_of(samples)), tree_(rims_) {}
 
-  CrossSections::Terms of(int vertex) const {
+  /// Appends the terms that stand for a vertex.
+  void add(int vertex, double weight, CrossSections::Terms& terms) const {
     const int active = samples_.surface.poisson->active_index_of_vertex(vertex);
-    if (active >= 0) return samples_.terms_of(active);
-    // Beyond the rims: the nearest rim of its part that moves as it does.
-    int best = -1;
-    double least = std::numeric_limits<double>::infinity();
-    const Positions& p = samples_.surface.mesh.positions;
+    if (active >= 0) return samples_.add_terms(active, weight, terms);
+    // Beyond the rims: the nearest rim of its component that moves as it does.
     const std::vector<int>& role = samples_.surface.region.role;
-    for (size_t i = size_t(samples_.free_count); i < samples_.vertices.size(); ++i) {
-      const int rim = samples_.vertices[i];
-      if (role[size_t(rim)] != role[size_t(vertex)] || rays_.part_of(rim) != rays_.part_of(vertex))
-        continue;
-      const double distance = (p.row(rim) - p.row(vertex)).squaredNorm();
-      if (distance < least) least = distance, best = static_cast<int>(i);
-    }
-    if (best < 0) return {};
-    return {{best, 1.0}};
+    const PointOnTriangle rim =
+        tree_.nearest(rims_.positions.row(vertex).transpose(),
+                      std::numeric_limits<double>::infinity(), [&](int i) {
+                        const int other = rims_.triangles(i, 0);
+                        return role[size_t(other)] == role[size_t(vertex)] &&
+                               rays_.component_of(other) == rays_.component_of(vertex);
+                      });
+    if (rim.triangle >= 0) terms.emplace_back(samples_.free_count + rim.triangle, weight);
   }
 
  private:
   const CrossSectionSamples& samples_;
-  const Rays& rays_;
+  const SectionRays& rays_;
+  Mesh rims_;
+  AabbTree tree_;
 };
 
-/// The terms of the mean of a section.
-CrossSections::Terms mean_over(const CrossSection& section, int own,
+/// Adds up the weights of equal indices.
+void merge(CrossSections::Terms& terms) {
+  std::sort(terms.begin(), terms.end());
+  size_t last = 0;
+  for (size_t i = 1; i < terms.size(); ++i)
+    if (terms[i].first == terms[last].first)
+      terms[last].second += terms[i].second;
+    else
+      terms[++last] = terms[i];
+  terms.resize(last + 1);
+}
+
+/// The terms of the mean over a section; half of it is the vertex itself.
+CrossSections::Terms mean_over(const SectionSample& section, int own,
                                const SamplesOfVertices& samples, const Triangles& triangles) {
-  std::map<int, double> weights;
-  double sum = 0;
-  for (size_t k = 0; k < kRays; ++k) {
+  CrossSections::Terms terms;
+  for (size_t k = 0; k < kSectionRays; ++k) {
     const PointOnTriangle& point = section.points[k];
     if (point.triangle < 0) continue;
     Index corner = 0;
     point.barycentric.maxCoeff(&corner);
-    for (const auto& [index, part] : samples.of(triangles(point.triangle, corner))) {
-      const double weight = 0.5 * section.weights[k] * part;  // half of the mean is the vertex
-      weights[index] += weight;
-      sum += weight;
-    }
+    samples.add(triangles(point.triangle, corner), 0.5 * section.weights[k], terms);
   }
-  weights[own] += 1 - sum;
-  return {weights.begin(), weights.end()};
+  double rest = 1;
+  for (const auto& term : terms) rest -= term.second;
+  terms.emplace_back(own, rest);
+  merge(terms);
+  return terms;
 }
 
 }  // namespace
 
 std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples) {
-  const Mesh& mesh = samples.surface.mesh;
-  const Rays rays(samples.surface);
+  const SectionRays rays(samples.surface, samples.vertices);
   const auto count = static_cast<Index>(samples.vertices.size());
   const SamplesOfVertices of_vertices(samples, rays);
+  const Positions axes = limb_axes(samples.own);
   auto found = std::make_unique<CrossSections>();
   found->shares.resize(count);
   found->means.resize(size_t(count));
@@ -167,11 +94,11 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
   constexpr int kLeastRays = 64;
   samples.surface.poisson->pool().parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
-      const CrossSection section = rays.from(samples.vertices[size_t(i)]);
+      const SectionSample section = rays.from(samples.vertices[size_t(i)], axes.row(i).transpose());
       centres.row(i) = section.centre;
       found->shares[i] = section.share;
       found->means[size_t(i)] =
-          mean_over(section, static_cast<int>(i), of_vertices, mesh.triangles);
+          mean_over(section, static_cast<int>(i), of_vertices, rays.mesh().triangles);
     }
   });
   for (int round = 0; round < kCrossSectionRounds; ++round) {
@@ -182,13 +109,17 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
         centres.row(i) += weight * before.row(index);
     }
   }
-  found->arms = mesh.positions(samples.vertices, kAllIndices) - centres;
+  found->arms = samples.surface.mesh.positions(samples.vertices, kAllIndices) - centres;
   return found;
 }
 
 std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surface) {
-  CrossSectionSamples samples{surface, {}, surface.order().free_count, [](int active_index) {
-                                return CrossSections::Terms{{active_index, 1.0}};
+  CrossSectionSamples samples{surface,
+                              surface,
+                              {},
+                              surface.order().free_count,
+                              [](int active_index, double weight, CrossSections::Terms& terms) {
+                                terms.emplace_back(active_index, weight);
                               }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(surface.poisson->active_vertex(i));

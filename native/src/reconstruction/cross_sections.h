@@ -44,10 +44,11 @@ struct CrossSections {
 /// The vertices of a surface whose sections are sampled.
 struct CrossSectionSamples {
   const FactoredSurface& surface;  ///< which rays are cast in
+  const FactoredSurface& own;      ///< whose active vertices they are
   std::vector<int> vertices;       ///< vertices of the surface, free ones first, then rims
   int free_count;
-  /// An active vertex of the surface as a mean of samples.
-  std::function<CrossSections::Terms(int active_index)> terms_of;
+  /// Appends an active vertex of the surface, times a weight, as a sum of samples.
+  std::function<void(int active_index, double weight, CrossSections::Terms& terms)> add_terms;
 };
 
 std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples);

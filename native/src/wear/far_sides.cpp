@@ -29,7 +29,7 @@ FarSides::FarSides(const PosedSurface& surface, const AabbTree& tree, int count,
       const PointPatch here = at_rest(i);
       OppositePoint& opposite = opposite_points_[size_t(i)];
       opposite.point = tree.first_exit(here.position.transpose(), -here.patch.normal.transpose(),
-                                       kMinOppositeDistance * std::sqrt(here.patch.area));
+                                       {kMinOppositeDistance * std::sqrt(here.patch.area)});
       if (opposite.point.triangle < 0) continue;
       opposite.at_rest = projected(i, here);
       opposite.projected_ratio = opposite.at_rest.area / here.patch.area;

@@ -47,15 +47,17 @@ std::unique_ptr<CrossSections> cross_sections_of(
     const CoarseSurface& coarse, const FactoredSurface& fine,
     const std::vector<CoarseSurface::Stencil>& stencils) {
   const FactoredSurface& surface = coarse.surface();
-  CrossSectionSamples samples{fine, {}, surface.order().free_count, [&](int active_index) {
-                                const CoarseSurface::Stencil& stencil =
-                                    stencils[size_t(active_index)];
-                                CrossSections::Terms terms;
-                                for (int k = 0; k < 3; ++k)
-                                  if (stencil.weight[k] > 0)
-                                    terms.emplace_back(stencil.active_index[k], stencil.weight[k]);
-                                return terms;
-                              }};
+  CrossSectionSamples samples{
+      fine,
+      surface,
+      {},
+      surface.order().free_count,
+      [&](int active_index, double weight, CrossSections::Terms& terms) {
+        const CoarseSurface::Stencil& stencil = stencils[size_t(active_index)];
+        for (int k = 0; k < 3; ++k)
+          if (stencil.weight[k] > 0)
+            terms.emplace_back(stencil.active_index[k], weight * stencil.weight[k]);
+      }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(coarse.vertices()[size_t(surface.poisson->active_vertex(i))]);
   return find_cross_sections(samples);

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "reconstruction/section_rays.h"
+
+#include <cmath>
+
+#include "mesh/triangles.h"
+#include "support/rotations.h"
+
+namespace dd {
+
+namespace {
+
+// Angles of the rays to the inward normal. The first one decides whether there is another side.
+// Tuned: on a circle, a round of averages over these rays and the vertex itself leaves a third of
+// the first angular mode, half of the second and a seventh of the third. With 60° a flat limb that
+// is led aside keeps 82% of its section, with 50° 99%; two more rays do no better.
+constexpr double kTilt = 50 * kPi / 180;
+constexpr double kAngles[kSectionRays] = {0, kTilt, -kTilt};
+// Distance of the other side at which half of it counts, as a fraction of the surface's size.
+constexpr double kHalfThickness = 0.5;
+// Farther sides, of which less than 1e-3 would count, are not looked for.
+constexpr double kFarthest = 1.2;
+
+Mesh triangles_near(const Mesh& mesh, const std::vector<int>& vertices, double distance) {
+  Eigen::AlignedBox3d box;
+  for (int v : vertices) box.extend(mesh.positions.row(v).transpose());
+  box.min().array() -= distance;
+  box.max().array() += distance;
+  std::vector<int> near;
+  for (int j = 0; j < mesh.triangle_count(); ++j) {
+    Eigen::AlignedBox3d of_triangle;
+    for (int k = 0; k < 3; ++k)
+      of_triangle.extend(mesh.positions.row(mesh.triangles(j, k)).transpose());
+    if (box.intersects(of_triangle)) near.push_back(j);
+  }
+  return {mesh.positions, mesh.triangles(near, kAllIndices)};
+}
+
+/// By component: 1, or -1 where the triangles of a closed one face inwards, so that its volume is
+/// negative; the volume of an open one is that of the cone over it.
+std::vector<double> outward_signs(const Mesh& mesh, const Components& components) {
+  std::vector<double> volumes(size_t(components.count), 0.0);
+  std::vector<int> apex(size_t(components.count), -1);
+  for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+    const auto corner = mesh.triangles.row(j);
+    const auto component = size_t(components.of_vertex[size_t(corner[0])]);
+    if (apex[component] < 0) apex[component] = corner[0];
+    const auto from_apex = [&](int k) -> Eigen::Vector3d {
+      return (mesh.positions.row(corner[k]) - mesh.positions.row(apex[component])).transpose();
+    };
+    volumes[component] += from_apex(0).dot(from_apex(1).cross(from_apex(2)));
+  }
+  for (double& volume : volumes) volume = volume < 0 ? -1 : 1;
+  return volumes;
+}
+
+}  // namespace
+
+SectionRays::SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices)
+    : size_(surface.active_size),
+      near_(triangles_near(surface.mesh, vertices, kFarthest * size_)),
+      tree_(near_),
+      normals_(summed_normals(surface.mesh.positions, surface.mesh.triangles)),
+      components_(surface.mesh.triangles, surface.mesh.vertex_count()),
+      outwards_(outward_signs(surface.mesh, components_)) {}
+
+SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis) const {
+  SectionSample sample;
+  const Eigen::Vector3d p = near_.positions.row(vertex).transpose();
+  sample.centre = p.transpose();
+  const int component = component_of(vertex);
+  const double outwards = outwards_[size_t(component)];
+  const Eigen::Vector3d n = outwards * normals_.row(vertex).transpose().normalized();
+  if (!(n.squaredNorm() > 0.5)) return sample;
+  const Eigen::Vector3d across = n.cross(axis).normalized();
+  const double sum_of_cosines = 1 + 2 * std::cos(kTilt);
+  for (size_t k = 0; k < kSectionRays; ++k) {
+    const double cosine = std::cos(kAngles[k]);
+    const Eigen::Vector3d direction = -cosine * n + std::sin(kAngles[k]) * across;
+    const PointOnTriangle point =
+        tree_.first_exit(p, direction, {1e-6 * size_, kFarthest * size_, outwards},
+                         [&](int j) { return component_of(near_.triangles(j, 0)) == component; });
+    if (k == 0 && point.triangle < 0) return sample;  // a sheet, or its relief, which is open below
+    if (point.triangle < 0) continue;
+    const double distance = (point.position - p).norm();
+    sample.points[k] = point;
+    sample.weights[k] =
+        cosine / sum_of_cosines / (1 + std::pow(distance / (kHalfThickness * size_), 8));
+    sample.share += sample.weights[k];
+    // On a circle, the component of a chord towards the centre is cos² of its diameter.
+    sample.centre += sample.weights[k] * 0.5 * distance / (cosine * cosine) * direction.transpose();
+  }
+  return sample;
+}
+
+}  // namespace dd

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "mesh/aabb_tree.h"
+#include "mesh/topology.h"
+#include "reconstruction/factored_surface.h"
+
+namespace dd {
+
+/// Rays from a vertex into the inside, within the plane of its cross-section.
+constexpr int kSectionRays = 3;
+
+/// What the rays from one vertex meet.
+struct SectionSample {
+  std::array<PointOnTriangle, kSectionRays> points;  ///< triangle: of SectionRays::mesh(), or -1
+  std::array<double, kSectionRays> weights{};        ///< of the points
+  double share = 0;                                  ///< sum of the weights, in [0, 1]
+  Eigen::RowVector3d centre;                         ///< of the section, as on a circle
+};
+
+/// Casts rays among the triangles of each vertex' own component.
+class SectionRays {
+ public:
+  /// vertices: those from which rays will be cast.
+  SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices);
+  SectionRays(const SectionRays&) = delete;  // the tree refers to the mesh
+  SectionRays& operator=(const SectionRays&) = delete;
+
+  /// axis: along the limb.
+  SectionSample from(int vertex, const Eigen::Vector3d& axis) const;
+  int component_of(int vertex) const { return components_.of_vertex[size_t(vertex)]; }
+  /// The surface with those of its triangles that rays can reach.
+  const Mesh& mesh() const { return near_; }
+
+ private:
+  double size_;
+  Mesh near_;
+  AabbTree tree_;
+  Positions normals_;  // of vertices, not normalized
+  Components components_;
+  std::vector<double> outwards_;  // by component: 1, or -1 where its normals point inwards
+};
+
+}  // namespace dd
