@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// New self-intersections of poses of any meshes, without refinement, with four iterations and by
-// Smooth ARAP:
+// New self-intersections of poses of any meshes, without refinement, with four iterations, the same
+// with Solidity 1, and by Smooth ARAP:
 //
 //     folds FILE...
 //
@@ -57,13 +57,17 @@ class Limb {
     find_rims();
   }
 
-  /// The new pairs after each number of iterations, by one bind.
-  std::vector<Folds> folds(const std::vector<int>& iterations) const {
+  struct Refined {
+    int iterations;
+    double solidity;
+  };
+  /// The new pairs after each of several refinements, by one bind.
+  std::vector<Folds> folds(const std::vector<Refined>& refinements) const {
     dd::Deformer deformer(mesh_, roles_, 1, {});
     std::vector<Folds> found;
-    for (int count : iterations) {
+    for (const Refined& refined : refinements) {
       dd::UpdateOptions how;
-      how.of_method.refined = {count, 0.009, 0.05};
+      how.of_method.refined = {refined.iterations, 0.009, 0.05, refined.solidity};
       found.push_back(
           sorted({mesh_.positions + deformer.update(motion_.data(), how), mesh_.triangles}));
     }
@@ -123,13 +127,15 @@ class Limb {
 
 int main(int count, char** arguments) {
   int poses = 0, worse = 0, better = 0, linear = 0, refined = 0, peer = 0, peer_worse = 0;
+  int all_solid = 0, more_solid = 0, fewer_solid = 0;
   const auto take = [&](const std::string& name, const Mesh& mesh) {
     std::printf("%s: %d vertices\n", name.c_str(), mesh.vertex_count());
     for (int axis = 0; axis < 3; ++axis)
       for (const bool last : {false, true}) {
         const Limb limb(mesh, axis, last);
-        const std::vector<Folds> found = limb.folds({0, 4});
-        const int before = found[0].count(), now = found[1].count(), smooth = limb.by_smooth_arap();
+        const std::vector<Folds> found = limb.folds({{0, 0}, {4, 0}, {4, 1}});
+        const int before = found[0].count(), now = found[1].count(), solid = found[2].count(),
+                  smooth = limb.by_smooth_arap();
         ++poses;
         worse += now > before;
         better += now < before;
@@ -137,12 +143,16 @@ int main(int count, char** arguments) {
         refined += now;
         peer += smooth;
         peer_worse += smooth > before;
-        if (before + now + smooth == 0) continue;
+        all_solid += solid;
+        more_solid += solid > now;
+        fewer_solid += solid < now;
+        if (before + now + solid + smooth == 0) continue;
         std::printf(
             "  %c%c: %4d new pairs, Smooth ARAP %4d, refined %4d: %d at rims, %d between parts, %d "
-            "else%s\n",
+            "else%s; solid %4d%s\n",
             last ? '+' : '-', "xyz"[axis], before, smooth, now, found[1].at_rims,
-            found[1].between_parts, found[1].inside, now > before ? "  *" : "");
+            found[1].between_parts, found[1].inside, now > before ? "  *" : "", solid,
+            solid > now ? "  *" : "");
         std::fflush(stdout);
       }
   };
@@ -154,6 +164,8 @@ int main(int count, char** arguments) {
   }
   std::printf("%d poses, %d new pairs, refined %d: %d with more, %d with fewer\n", poses, linear,
               refined, worse, better);
+  std::printf("solid %d: %d with more than refined, %d with fewer\n", all_solid, more_solid,
+              fewer_solid);
   std::printf("Smooth ARAP %d: %d with more\n", peer, peer_worse);
   return 0;
 }

@@ -8,8 +8,8 @@
 
 namespace dd {
 
-/// The arms r of CrossSections in a pose. Turns displacements of the surface into those of the
-/// centres, and back: c' − c = (p' − p) − (R r − r). Without arms both are the same.
+/// The arms r of CrossSections. Turns displacements of the surface into those of the centres, and
+/// back: c' − c = (p' − p) − (R r − r). Without arms both are the same.
 class CrossSectionArms {
  public:
   explicit CrossSectionArms(const FactoredSurface& surface) : surface_(surface) {}
@@ -18,13 +18,9 @@ class CrossSectionArms {
   void set(Positions arms) {
     arms_ = std::move(arms);
     displacements_ = Rows::Zero(arms_.rows(), 4);
+    posed_.resize(0, 3);
   }
-
-  /// positions: of the surface, rows in its order. Returns those of the centres.
-  Rows centres(Rows positions) const {
-    for (Index i = 0; i < arms_.rows(); ++i) positions.row(row(i)).head<3>() -= arms_.row(i);
-    return positions;
-  }
+  bool empty() const { return arms_.rows() == 0; }
 
   /// Sets R. quaternions: by active index, of any length.
   template <class Real>
@@ -42,18 +38,39 @@ class CrossSectionArms {
           }
         });
   }
+  /// Takes the arms as they are turned for those of a pose, from which before() is; or not.
+  void take_pose() {
+    posed_ = arms_;
+    for (Index i = 0; i < posed_.rows(); ++i) posed_.row(i) += displacements_.row(i).head<3>();
+  }
+  void leave_pose() { posed_.resize(0, 3); }
 
-  void to_centres(Rows& offsets) const { add(-1, offsets); }
+  /// The arm of an active vertex at rest or in the pose.
+  Eigen::Vector3d before(Index i) const {
+    return (posed_.rows() > 0 ? posed_.row(i) : arms_.row(i)).transpose();
+  }
+  /// R r
+  Eigen::Vector3d after(Index i) const {
+    return (arms_.row(i) + displacements_.row(i).head<3>()).transpose();
+  }
+  /// positions: of the surface at rest or in the pose, rows in its order. Returns those of the
+  /// centres.
+  Rows centres(Rows positions) const {
+    for (Index i = 0; i < arms_.rows(); ++i) positions.row(row(i)).head<3>() -= before(i);
+    return positions;
+  }
+
   /// Calls solve() with the centres' displacements in place of the surface's.
   template <class Solve>
   void solve_for_centres(Rows& offsets, const Solve& solve) const {
-    to_centres(offsets);
+    add(-1, offsets);
     solve();
     add(1, offsets);
   }
 
   double bytes() const {
-    return static_cast<double>((arms_.size() + displacements_.size()) * Index(sizeof(double)));
+    return static_cast<double>((arms_.size() + displacements_.size() + posed_.size()) *
+                               Index(sizeof(double)));
   }
 
  private:
@@ -71,6 +88,7 @@ class CrossSectionArms {
   const FactoredSurface& surface_;
   Positions arms_;
   Rows displacements_;  // R r − r
+  Positions posed_;     // without rows: rest
 };
 
 }  // namespace dd

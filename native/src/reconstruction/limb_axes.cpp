@@ -20,7 +20,9 @@ Positions limb_axes(const FactoredSurface& surface) {
   const PoissonSystem& poisson = *surface.poisson;
   const std::vector<int> faces = surface.faces_with_free_corners();
   const auto count = static_cast<Index>(faces.size());
-  Triangles corners(count, 3);  // active indices
+  // Active indices; -1 where the active triangles, which may be others than the faces, have no such
+  // corner.
+  Triangles corners(count, 3);
   // The upper triangles of the symmetric matrices.
   using Tensors = Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>;
   Tensors of_faces(count, 6), of_vertices(poisson.active_vertex_count(), 6);
@@ -37,12 +39,15 @@ Positions limb_axes(const FactoredSurface& surface) {
   }
   for (int round = 0; round < kRounds; ++round) {
     if (round > 0)
-      for (Index i = 0; i < count; ++i)
-        of_faces.row(i) = of_vertices.row(corners(i, 0)) + of_vertices.row(corners(i, 1)) +
-                          of_vertices.row(corners(i, 2));
+      for (Index i = 0; i < count; ++i) {
+        of_faces.row(i).setZero();
+        for (int v : corners.row(i))
+          if (v >= 0) of_faces.row(i) += of_vertices.row(v);
+      }
     of_vertices.setZero();
     for (Index i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k) of_vertices.row(corners(i, k)) += of_faces.row(i);
+      for (int v : corners.row(i))
+        if (v >= 0) of_vertices.row(v) += of_faces.row(i);
   }
   Positions axes(of_vertices.rows(), 3);
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;

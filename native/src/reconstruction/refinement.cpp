@@ -11,6 +11,7 @@
 #include "mesh/topology.h"
 #include "mesh/unit_box.h"
 #include "reconstruction/cross_section_means.h"
+#include "reconstruction/fold_limits.h"
 #include "reconstruction/gradients.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
@@ -27,7 +28,7 @@ struct PassSettings {
 // Smoothing length of rotations of solid limbs, as a fraction of the arm. Tuned on limbs with
 // relief: with 0 the relief decides the rotations and long arms amplify them to folds, with 1 limbs
 // are stiff.
-constexpr double kSmoothingOfArm = 0.3;
+constexpr double kSmoothingOfArm = 0.6;
 
 /// Long waves of the error converge slowly: a pass with factor ω moves them up to ω times as far.
 /// It multiplies short waves, which smoothing takes out of the solution, by 1 − ω, so a pass with
@@ -66,13 +67,16 @@ class RefinementOf : public Refinement {
   const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
   void find(int iterations, const Turning& turning, Rows& offsets) override {
     posed_rotations_.clear();
+    arms_.leave_pose();
     iterate(iterations, turning, offsets);
   }
   void find_from(const Rows& posed, int iterations, Rows& offsets) override;
   Rows rotations() const override;
   void add(int section, double* rows) const override {
-    const RotatedFluxPass<Real>& pass = posed_rotations_.empty() ? pass_ : *posed_pass_;
-    pass.add(vertex_rotations_.data(), section, rows);
+    const bool posed = !posed_rotations_.empty();
+    (posed ? *posed_pass_ : pass_).add(vertex_rotations_.data(), section, rows);
+    limits_.add(posed ? posed_positions_ : surface_.rest, arms_, vertex_rotations_.data(), section,
+                rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
   double bytes() const override;
@@ -124,8 +128,9 @@ class RefinementOf : public Refinement {
   double solidity_ = 0;
   std::unique_ptr<CrossSectionMeans<Real>> cross_section_means_;  // null: no sections
   CrossSectionArms arms_;
+  FoldLimits limits_;
   Eigen::VectorXd solidity_of_row_;
-  Rows positions_, before_;
+  Rows positions_, posed_positions_, before_;
   Rows rest_unsmoothed_, rest_smoothed_, rest_blended_;
   const Rows* at_rest_ = nullptr;  // one of these three
   // of the spanning trees: between rows of vertex_rotations_
@@ -141,7 +146,8 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
       masses_(masses),
       smoothing_(std::in_place, surface, length, masses),
       pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }),
-      arms_(surface) {
+      arms_(surface),
+      limits_(surface) {
   const Triangles& t = surface.operators.triangles;
   const RowOrder& order = surface.order();
   const std::vector<int>& active = surface.poisson->active().triangles;
@@ -210,6 +216,7 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
   pass_.take(arms_.centres(surface_.rest));
+  limits_.set(arms_);
   posed_rotations_.clear();
   find_rest();
   cross_sections_ = sections;
@@ -341,16 +348,15 @@ void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offs
   find_constrained_rotations();
   find_moving_rotations();
   posed_rotations_ = triangle_rotations_;
-  Rows centres = positions_;
   if (cross_sections_) {
+    posed_positions_ = positions_;
     posed_vertex_rotations_.resize(vertex_rotations_.size());
     averages_.run(posed_rotations_, posed_vertex_rotations_, surface_.poisson->pool());
     arms_.turn(posed_vertex_rotations_.data());
-    arms_.to_centres(centres);
-    centres = arms_.centres(centres);
+    arms_.take_pose();
   }
   if (!posed_pass_) posed_pass_ = std::make_unique<RotatedFluxPass<Real>>(pass_);
-  posed_pass_->take(centres);
+  posed_pass_->take(arms_.centres(positions_));
   Turning turning;
   turning.propagate_signs = true;
   iterate(iterations, turning, offsets);
@@ -430,14 +436,14 @@ template <class Real>
 double RefinementOf<Real>::bytes() const {
   const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + from_pose_.size() +
                        posed_rotations_.size() + posed_vertex_rotations_.size();
-  return smoothing_->bytes() + arms_.bytes() +
+  return smoothing_->bytes() + arms_.bytes() + limits_.bytes() +
          (cross_section_means_ ? cross_section_means_->bytes() : 0) +
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +
-         static_cast<double>((positions_.size() + before_.size() + rest_unsmoothed_.size() +
-                              rest_smoothed_.size() + rest_blended_.size() +
-                              propagated_gauge_.size()) *
+         static_cast<double>((positions_.size() + posed_positions_.size() + before_.size() +
+                              rest_unsmoothed_.size() + rest_smoothed_.size() +
+                              rest_blended_.size() + propagated_gauge_.size()) *
                              Index(sizeof(double)));
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "reconstruction/section_rays.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "mesh/triangles.h"
@@ -16,10 +17,16 @@ namespace {
 // is led aside keeps 82% of its section, with 50° 99%; two more rays do no better.
 constexpr double kTilt = 50 * kPi / 180;
 constexpr double kAngles[kSectionRays] = {0, kTilt, -kTilt};
-// Distance of the other side at which half of it counts, as a fraction of the surface's size.
+// The thickness of which half counts, as a fraction of the free length. Tuned: limbs of half that
+// thickness keep their sections; with 0.7, slabs that are cut out of bodies fold.
 constexpr double kHalfThickness = 0.5;
 // Farther sides, of which less than 1e-3 would count, are not looked for.
-constexpr double kFarthest = 1.2;
+constexpr double kReach = 1.2;
+
+/// How much of a side at this distance counts.
+double share_at(double distance, double free_length) {
+  return 1 / (1 + std::pow(distance / (kHalfThickness * free_length), 8));
+}
 
 Mesh triangles_near(const Mesh& mesh, const std::vector<int>& vertices, double distance) {
   Eigen::AlignedBox3d box;
@@ -56,39 +63,42 @@ std::vector<double> outward_signs(const Mesh& mesh, const Components& components
 
 }  // namespace
 
-SectionRays::SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices)
-    : size_(surface.active_size),
-      near_(triangles_near(surface.mesh, vertices, kFarthest * size_)),
+SectionRays::SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices,
+                         double longest)
+    : beyond_(1e-6 * surface.active_size),
+      near_(triangles_near(surface.mesh, vertices, kReach * longest)),
       tree_(near_),
       normals_(summed_normals(surface.mesh.positions, surface.mesh.triangles)),
       components_(surface.mesh.triangles, surface.mesh.vertex_count()),
       outwards_(outward_signs(surface.mesh, components_)) {}
 
-SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis) const {
+SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double free_length) const {
   SectionSample sample;
+  sample.to_centre.setZero();
   const Eigen::Vector3d p = near_.positions.row(vertex).transpose();
-  sample.centre = p.transpose();
   const int component = component_of(vertex);
   const double outwards = outwards_[size_t(component)];
   const Eigen::Vector3d n = outwards * normals_.row(vertex).transpose().normalized();
   if (!(n.squaredNorm() > 0.5)) return sample;
   const Eigen::Vector3d across = n.cross(axis).normalized();
   const double sum_of_cosines = 1 + 2 * std::cos(kTilt);
+  double opposite = 0;  // share at the first point
   for (size_t k = 0; k < kSectionRays; ++k) {
     const double cosine = std::cos(kAngles[k]);
     const Eigen::Vector3d direction = -cosine * n + std::sin(kAngles[k]) * across;
     const PointOnTriangle point =
-        tree_.first_exit(p, direction, {1e-6 * size_, kFarthest * size_, outwards},
+        tree_.first_exit(p, direction, {beyond_, kReach * free_length, outwards},
                          [&](int j) { return component_of(near_.triangles(j, 0)) == component; });
     if (k == 0 && point.triangle < 0) return sample;  // a sheet, or its relief, which is open below
     if (point.triangle < 0) continue;
-    const double distance = (point.position - p).norm();
+    const double distance = (point.position - p).norm(), share = share_at(distance, free_length);
+    if (k == 0) opposite = share;
     sample.points[k] = point;
-    sample.weights[k] =
-        cosine / sum_of_cosines / (1 + std::pow(distance / (kHalfThickness * size_), 8));
+    sample.weights[k] = cosine / sum_of_cosines * std::min(opposite, share);
     sample.share += sample.weights[k];
     // On a circle, the component of a chord towards the centre is cos² of its diameter.
-    sample.centre += sample.weights[k] * 0.5 * distance / (cosine * cosine) * direction.transpose();
+    sample.to_centre +=
+        sample.weights[k] * 0.5 * distance / (cosine * cosine) * direction.transpose();
   }
   return sample;
 }

@@ -18,25 +18,25 @@ struct SectionSample {
   std::array<PointOnTriangle, kSectionRays> points;  ///< triangle: of SectionRays::mesh(), or -1
   std::array<double, kSectionRays> weights{};        ///< of the points
   double share = 0;                                  ///< sum of the weights, in [0, 1]
-  Eigen::RowVector3d centre;                         ///< of the section, as on a circle
+  Eigen::RowVector3d to_centre;                      ///< of the section, as on a circle
 };
 
 /// Casts rays among the triangles of each vertex' own component.
 class SectionRays {
  public:
-  /// vertices: those from which rays will be cast.
-  SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices);
+  /// vertices: those from which rays will be cast. longest: the largest of their free lengths.
+  SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices, double longest);
   SectionRays(const SectionRays&) = delete;  // the tree refers to the mesh
   SectionRays& operator=(const SectionRays&) = delete;
 
-  /// axis: along the limb.
-  SectionSample from(int vertex, const Eigen::Vector3d& axis) const;
+  /// axis: along the limb. free_length: the section counts as far as it is thin beside that.
+  SectionSample from(int vertex, const Eigen::Vector3d& axis, double free_length) const;
   int component_of(int vertex) const { return components_.of_vertex[size_t(vertex)]; }
   /// The surface with those of its triangles that rays can reach.
   const Mesh& mesh() const { return near_; }
 
  private:
-  double size_;
+  double beyond_;  // least distance of a side
   Mesh near_;
   AabbTree tree_;
   Positions normals_;  // of vertices, not normalized

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "reconstruction/coarse/coarse_surface.h"
+#include "reconstruction/fold_limits.h"
 #include "reconstruction/rotated_flux.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
@@ -78,7 +79,8 @@ class CoarseRefinementOf : public CoarseRefinement {
             surface, surface.mesh.positions,
             [&](int v) { return surface.poisson->active_index(surface.order().row_of_vertex[v]); }),
         stencils_(surface_->stencils(surface)),
-        arms_(surface) {
+        arms_(surface),
+        limits_(surface) {
     typename RotationMeans<Real>::Terms terms;
     for (const CoarseSurface::Stencil& stencil : stencils_) {
       terms.clear();
@@ -141,6 +143,7 @@ class CoarseRefinementOf : public CoarseRefinement {
     }
     arms_.set(std::move(arms));
     pass_.take(arms_.centres(fine_.rest));
+    limits_.set(arms_);
     rests_.clear();
     solidity_ = solidity;
   }
@@ -149,6 +152,7 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);
+    limits_.add(fine_.rest, arms_, rotations_.data(), section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
 
@@ -158,7 +162,8 @@ class CoarseRefinementOf : public CoarseRefinement {
                          prescribed_rotations_.size() +
                          Index(rests_.size()) * 4 * fine_.poisson->right_hand_side_rows();
     return surface_->bytes() + gradients_->bytes() + refinement_->bytes() + pass_.bytes() +
-           spread_.bytes() + arms_.bytes() + (cross_sections_ ? cross_sections_->bytes() : 0) +
+           spread_.bytes() + arms_.bytes() + limits_.bytes() +
+           (cross_sections_ ? cross_sections_->bytes() : 0) +
            static_cast<double>(stencils_.size() * sizeof(stencils_[0])) +
            (prescribed_ ? prescribed_->bytes() : 0) +
            static_cast<double>((given_.size() + rotations_.size()) * sizeof(Real)) +
@@ -197,6 +202,7 @@ class CoarseRefinementOf : public CoarseRefinement {
   std::unique_ptr<CrossSections> cross_sections_;  // of the coarse surface; null: not needed so far
   double solidity_ = 0;
   CrossSectionArms arms_;            // of the fine surface
+  FoldLimits limits_;                // of the fine surface
   Eigen::VectorXd solidity_of_row_;  // of the fine surface
   std::map<double, Rows> rests_;     // right-hand sides at rest, by last_smoothing()
   const Rows* at_rest_ = nullptr;    // one of rests_
