@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "reconstruction/fold_limits.h"
 
-#include <cmath>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
 
 namespace dd {
 
@@ -12,60 +14,121 @@ namespace {
 // 0.3, 2 with 0.6; with 0.8 limbs that are led aside lose 4% of their sections.
 constexpr double kLeastArea = 0.6;
 
-/// Quaternions at a distance d are rotations at most 2 d apart, in the operator norm, and one of
-/// three rotations is at most 2/3 of their largest distance from their mean. So edges p, q change by
-/// at most D = 8/3 d |r|, and the area by (D (|p| + |q|) + D²) |p × q|⁻¹. positions, arms: of the
-/// corners, a column each.
-double harmless_distance(const Eigen::Matrix3d& positions, const Eigen::Matrix3d& arms) {
-  const Eigen::Vector3d p = positions.col(1) - positions.col(0),
-                        q = positions.col(2) - positions.col(0);
-  const double sum = p.norm() + q.norm(), area = p.cross(q).norm();
-  const double change =
-      0.5 * (std::sqrt(sum * sum + 4 * (1 - kLeastArea) * area) - sum);  // D that takes all of it
-  return change / (8.0 / 3 * arms.colwise().norm().maxCoeff());
+template <class Real>
+Eigen::Quaterniond quaternion(const Real* quaternions, int row) {
+  return Eigen::Map<const Eigen::Quaternion<Real>>(quaternions + 4 * Index(row))
+      .template cast<double>()
+      .normalized();
+}
+
+/// Fills a lane; positions, arms: of the corners, a column each.
+template <class Real>
+void fill(ArmBlock<Real>& block, int lane, const Eigen::Matrix3d& positions,
+          const Eigen::Matrix3d& arms) {
+  const Eigen::Matrix3d centres = positions - arms;
+  const Eigen::Vector3d product =
+      (positions.col(1) - positions.col(0)).cross(positions.col(2) - positions.col(0));
+  for (int c = 0; c < 3; ++c) {
+    for (int k = 0; k < 3; ++k) block.arm[k][c][lane] = static_cast<Real>(arms(c, k));
+    for (int k = 0; k < 2; ++k)
+      block.edge[k][c][lane] = static_cast<Real>(centres(c, k + 1) - centres(c, 0));
+    block.normal[c][lane] = static_cast<Real>(product[c] / product.squaredNorm());
+  }
 }
 
 }  // namespace
 
-void FoldLimits::set(const CrossSectionArms& arms) {
+template <class Real>
+void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms) {
+  blocks_.clear();
   triangles_.clear();
   begin_.clear();
   if (arms.empty()) return;
   const PoissonSystem& poisson = *surface_.poisson;
   const ActiveTriangles& active = poisson.active();
+  Eigen::Matrix3d of_corners, arms_of_corners;
   for (int section = 0; section < active.sections(); ++section) {
-    begin_.push_back(static_cast<int>(triangles_.size()));
+    begin_.push_back(static_cast<int>(blocks_.size()));
+    int lane = 0;
     for (int i = active.begin[size_t(section)]; i < active.begin[size_t(section) + 1]; ++i) {
-      Triangle triangle;
-      triangle.number = active.triangles[size_t(i)];
-      Eigen::Matrix3d positions, of_corners;
+      const int triangle = active.triangles[size_t(i)];
+      std::array<int, 3> corner;
       for (int k = 0; k < 3; ++k) {
-        const int v = surface_.operators.triangles(triangle.number, k);
-        triangle.corner[k] = poisson.active_index_of_vertex(v);
-        triangle.target[k] = poisson.right_hand_side_row(section, v);
-        positions.col(k) = surface_.mesh.positions.row(v).transpose();
-        of_corners.col(k) = arms.before(triangle.corner[k]);
+        corner[size_t(k)] =
+            poisson.active_index_of_vertex(surface_.operators.triangles(triangle, k));
+        of_corners.col(k) =
+            positions.row(poisson.active_row(corner[size_t(k)])).head<3>().transpose();
+        arms_of_corners.col(k) = arms.before(corner[size_t(k)]);
       }
-      if (of_corners.isZero(0)) continue;
-      const double distance = harmless_distance(positions, of_corners);
-      triangle.harmless = distance * distance;
-      triangles_.push_back(triangle);
+      const bool has_area = (of_corners.col(1) - of_corners.col(0))
+                                .cross(of_corners.col(2) - of_corners.col(0))
+                                .squaredNorm() > 0;
+      if (arms_of_corners.isZero(0) || !has_area) continue;
+      if (lane == 0) {
+        blocks_.emplace_back();
+        for (int unused = 0; unused < kLanes; ++unused) {
+          fill(blocks_.back(), unused, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+          for (auto& row : blocks_.back().corner) row[unused] = 0;
+        }
+        triangles_.resize(kLanes * blocks_.size(), -1);
+      }
+      for (int k = 0; k < 3; ++k) blocks_.back().corner[k][lane] = corner[size_t(k)];
+      fill(blocks_.back(), lane, of_corners, arms_of_corners);
+      triangles_[triangles_.size() - kLanes + size_t(lane)] = triangle;
+      lane = (lane + 1) % kLanes;
     }
   }
-  begin_.push_back(static_cast<int>(triangles_.size()));
+  begin_.push_back(static_cast<int>(blocks_.size()));
 }
 
-double FoldLimits::factor_of(const Eigen::Matrix3d& mean, const Eigen::Matrix3d& p,
-                             const Eigen::Matrix3d& beyond) {
-  const Eigen::Vector3d along = mean * (p.col(1) - p.col(0)), across = mean * (p.col(2) - p.col(0)),
-                        normal = along.cross(across);
-  const double area = normal.squaredNorm();
-  if (!(area > 0)) return 1;
-  const double left = (along + beyond.col(1) - beyond.col(0))
-                          .cross(across + beyond.col(2) - beyond.col(0))
-                          .dot(normal) /
-                      area;
-  return left < kLeastArea ? (1 - kLeastArea) / (1 - left) : 1.0;
+template <class Real>
+void FoldLimits<Real>::add(const Real* quaternions, int section, double* rows) const {
+  if (blocks_.empty()) return;
+  constexpr int kTogether = 32;  // blocks a call of the kernel
+  Real areas[kTogether * kLanes];
+  const int end = begin_[size_t(section) + 1];
+  for (int first = begin_[size_t(section)]; first < end; first += kTogether) {
+    const int count = std::min(kTogether, end - first);
+    kernels().of<Real>().arm_areas(count, &blocks_[size_t(first)], quaternions, areas);
+    for (int i = 0; i < count * kLanes; ++i) {
+      if (!(areas[i] < Real(kLeastArea))) continue;
+      const int number = kLanes * first + i;
+      if (const int triangle = triangles_[size_t(number)]; triangle >= 0)
+        limit(blocks_[size_t(number / kLanes)], number % kLanes, triangle, double(areas[i]),
+              quaternions, section, rows);
+    }
+  }
 }
+
+template <class Real>
+void FoldLimits<Real>::limit(const ArmBlock<Real>& block, int lane, int triangle, double area,
+                             const Real* quaternions, int section, double* rows) const {
+  Eigen::Quaterniond mean(0, 0, 0, 0);
+  std::array<Eigen::Quaterniond, 3> turns;
+  for (size_t k = 0; k < 3; ++k) {
+    turns[k] = quaternion(quaternions, block.corner[k][lane]);
+    mean.coeffs() += (turns[k].dot(turns[0]) < 0 ? -1 : 1) * turns[k].coeffs();
+  }
+  mean.normalize();
+  Eigen::Matrix3d beyond;  // R r of the corners without what R of the triangle does to r
+  for (size_t k = 0; k < 3; ++k) {
+    const Eigen::Vector3d arm(block.arm[k][0][lane], block.arm[k][1][lane], block.arm[k][2][lane]);
+    beyond.col(Index(k)) = turns[k] * arm - mean * arm;
+  }
+  const double factor = (1 - kLeastArea) / (1 - area);  // λ
+  const auto cotangents = surface_.operators.metric.cotangents.row(triangle);
+  for (int k = 0; k < 3; ++k) {
+    const int next = (k + 1) % 3, last = (k + 2) % 3;
+    const int target =
+        surface_.poisson->right_hand_side_row(section, surface_.operators.triangles(triangle, k));
+    Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(target)) +=
+        0.5 * (factor - 1) *
+        (cotangents[last] * (beyond.col(k) - beyond.col(next)) +
+         cotangents[next] * (beyond.col(k) - beyond.col(last)));
+  }
+}
+
+template class FoldLimits<float>;
+template class FoldLimits<double>;
 
 }  // namespace dd

@@ -66,17 +66,14 @@ class RefinementOf : public Refinement {
   const CrossSectionArms& arms() const override { return arms_; }
   const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
   void find(int iterations, const Turning& turning, Rows& offsets) override {
-    posed_rotations_.clear();
-    arms_.leave_pose();
+    if (is_posed()) leave_pose();
     iterate(iterations, turning, offsets);
   }
   void find_from(const Rows& posed, int iterations, Rows& offsets) override;
   Rows rotations() const override;
   void add(int section, double* rows) const override {
-    const bool posed = !posed_rotations_.empty();
-    (posed ? *posed_pass_ : pass_).add(vertex_rotations_.data(), section, rows);
-    limits_.add(posed ? posed_positions_ : surface_.rest, arms_, vertex_rotations_.data(), section,
-                rows);
+    (is_posed() ? *posed_pass_ : pass_).add(vertex_rotations_.data(), section, rows);
+    limits_.add(vertex_rotations_.data(), section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
   double bytes() const override;
@@ -85,6 +82,12 @@ class RefinementOf : public Refinement {
   using Quaternions = std::vector<Real>;  // rows of 4
 
   void make_averages(const std::vector<int>& local_triangle, int first_constrained);
+  bool is_posed() const { return !posed_rotations_.empty(); }
+  void leave_pose() {
+    posed_rotations_.clear();
+    arms_.leave_pose();
+    limits_.take(surface_.rest, arms_);
+  }
   /// The rotations and right-hand sides at rest.
   void find_rest();
   /// The smoothing of rotations, over a longer length where arms are long.
@@ -128,9 +131,9 @@ class RefinementOf : public Refinement {
   double solidity_ = 0;
   std::unique_ptr<CrossSectionMeans<Real>> cross_section_means_;  // null: no sections
   CrossSectionArms arms_;
-  FoldLimits limits_;
+  FoldLimits<Real> limits_;
   Eigen::VectorXd solidity_of_row_;
-  Rows positions_, posed_positions_, before_;
+  Rows positions_, before_;
   Rows rest_unsmoothed_, rest_smoothed_, rest_blended_;
   const Rows* at_rest_ = nullptr;  // one of these three
   // of the spanning trees: between rows of vertex_rotations_
@@ -216,7 +219,7 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
   pass_.take(arms_.centres(surface_.rest));
-  limits_.set(arms_);
+  limits_.take(surface_.rest, arms_);
   posed_rotations_.clear();
   find_rest();
   cross_sections_ = sections;
@@ -271,7 +274,7 @@ template <class Real>
 void RefinementOf<Real>::find_means(const Rows* gauge) {
   ThreadPool& pool = surface_.poisson->pool();
   find_moving_rotations();
-  if (posed_rotations_.empty()) {
+  if (!is_posed()) {
     averages_.run(triangle_rotations_, vertex_rotations_, pool);
   } else {
     from_pose_.resize(triangle_rotations_.size());
@@ -349,11 +352,11 @@ void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offs
   find_moving_rotations();
   posed_rotations_ = triangle_rotations_;
   if (cross_sections_) {
-    posed_positions_ = positions_;
     posed_vertex_rotations_.resize(vertex_rotations_.size());
     averages_.run(posed_rotations_, posed_vertex_rotations_, surface_.poisson->pool());
     arms_.turn(posed_vertex_rotations_.data());
     arms_.take_pose();
+    limits_.take(positions_, arms_);
   }
   if (!posed_pass_) posed_pass_ = std::make_unique<RotatedFluxPass<Real>>(pass_);
   posed_pass_->take(arms_.centres(positions_));
@@ -395,7 +398,7 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
 template <class Real>
 void RefinementOf<Real>::turn_arms() {
   if (!cross_sections_) return;
-  if (posed_rotations_.empty()) return arms_.turn(vertex_rotations_.data());
+  if (!is_posed()) return arms_.turn(vertex_rotations_.data());
   using Quaternion = Eigen::Quaternion<Real>;
   from_pose_ = vertex_rotations_;
   for (size_t i = 0; i < from_pose_.size(); i += 4) {
@@ -441,9 +444,9 @@ double RefinementOf<Real>::bytes() const {
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +
-         static_cast<double>((positions_.size() + posed_positions_.size() + before_.size() +
-                              rest_unsmoothed_.size() + rest_smoothed_.size() +
-                              rest_blended_.size() + propagated_gauge_.size()) *
+         static_cast<double>((positions_.size() + before_.size() + rest_unsmoothed_.size() +
+                              rest_smoothed_.size() + rest_blended_.size() +
+                              propagated_gauge_.size()) *
                              Index(sizeof(double)));
 }
 

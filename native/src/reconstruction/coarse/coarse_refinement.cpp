@@ -143,7 +143,7 @@ class CoarseRefinementOf : public CoarseRefinement {
     }
     arms_.set(std::move(arms));
     pass_.take(arms_.centres(fine_.rest));
-    limits_.set(arms_);
+    limits_.take(fine_.rest, arms_);
     rests_.clear();
     solidity_ = solidity;
   }
@@ -152,7 +152,7 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);
-    limits_.add(fine_.rest, arms_, rotations_.data(), section, rows);
+    limits_.add(rotations_.data(), section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
 
@@ -202,7 +202,7 @@ class CoarseRefinementOf : public CoarseRefinement {
   std::unique_ptr<CrossSections> cross_sections_;  // of the coarse surface; null: not needed so far
   double solidity_ = 0;
   CrossSectionArms arms_;            // of the fine surface
-  FoldLimits limits_;                // of the fine surface
+  FoldLimits<Real> limits_;          // of the fine surface
   Eigen::VectorXd solidity_of_row_;  // of the fine surface
   std::map<double, Rows> rests_;     // right-hand sides at rest, by last_smoothing()
   const Rows* at_rest_ = nullptr;    // one of rests_
