@@ -2,10 +2,14 @@
 // Solid limbs: cross-sections that keep their shape, and what must not change.
 #include "catch.h"
 #include "deform.h"
+#include "mesh/intersections.h"
 #include "mesh/measures.h"
 #include "mesh/triangles.h"
 #include "reconstruction/cross_sections.h"
+#include "reconstruction/free_lengths.h"
+#include "reconstruction/limb_axes.h"
 #include "tapered_limb.h"
+#include "triangulations.h"
 
 using namespace dd;
 using namespace dd::test;
@@ -178,6 +182,8 @@ TEST_CASE("sections lie in their own part, and arms reach the axis") {
   surface.factor(free_block(surface.operators.laplacian, region), options);
   const auto sections = find_cross_sections(surface);
   REQUIRE(sections);
+  const Positions axes = limb_axes(surface);
+  const FreeLengths free = free_lengths(surface);
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i) {
     double sum = 0;
     const int v = surface.poisson->active_vertex(i);
@@ -189,5 +195,58 @@ TEST_CASE("sections lie in their own part, and arms reach the axis") {
     CHECK(sum == Approx(1));
     const Eigen::RowVector3d centre = both.positions.row(v) - sections->arms.row(i);
     CHECK(centre.head<2>().norm() < 0.1 * (is_inner ? 0.3 : 0.5));
+    CHECK(std::abs(axes(i, 2)) > 0.98);
+    // Free from a tenth of the length to nine tenths. Paths along edges may be slightly longer.
+    const double z = both.positions(v, 2) / TaperedLimb::kLength;
+    CHECK(free.lengths[i] == Approx(0.8 * TaperedLimb::kLength).epsilon(0.05));
+    CHECK(free.depths[i] ==
+          Approx(TaperedLimb::kLength * std::min(z - 0.1, 0.9 - z)).epsilon(0.05).margin(0.1));
   }
+}
+
+TEST_CASE("a body is no limb: a slab cut out of it, and a disc of one side of it") {
+  // A tube as thick as a body: a slab of it is free, or a disc on one side.
+  const TaperedLimb body(1.5, 1.5);
+  const double size = TaperedLimb::kLength;
+  for (const bool is_slab : {true, false}) {
+    std::vector<int> roles;
+    for (Index v = 0; v < body.mesh.positions.rows(); ++v) {
+      const Eigen::RowVector3d p = body.mesh.positions.row(v);
+      const double away =
+          is_slab ? p[2] - 0.5 * size : (p - Eigen::RowVector3d(1.5, 0, 0.5 * size)).norm() - 0.5;
+      roles.push_back(away < 0                ? (is_slab ? kFixed : 0)
+                      : away < 0.4 * size / 2 ? kFree
+                      : is_slab               ? 0
+                                              : kFixed);
+    }
+    Deformer deformer(body.mesh, roles, 1, {});
+    Affine motion = rotation_about(radians(30), {0, 1, 0}, {1.5, 0, 0.5 * size}, {0.2, 0, 0.1});
+    CHECK(largest_difference(surface(deformer, {motion}, solid(1)),
+                             surface(deformer, {motion}, usual())) < 0.03 * size);
+  }
+}
+
+TEST_CASE("arms yield where they would fold the inside of a bend") {
+  // The whole bend in a tenth of the limb: its inside would be turned over four times its width.
+  const TaperedLimb limb(0.3, 0.3);
+  std::vector<int> roles;
+  for (Index v = 0; v < limb.mesh.positions.rows(); ++v) {
+    const double z = limb.mesh.positions(v, 2) / TaperedLimb::kLength;
+    roles.push_back(z < 0.3 ? kFixed : z > 0.7 ? 0 : kFree);
+  }
+  Deformer deformer(limb.mesh, roles, 1, {});
+  const Affine motion = rotation_about(radians(100), {0, 1, 0}, {0, 0, 0.5 * 4}, {0.8, 0, 0.4});
+  const auto pairs = [&](double solidity) {
+    return intersecting_pairs({surface(deformer, {motion}, solid(solidity)), limb.mesh.triangles})
+        .size();
+  };
+  CHECK(pairs(1) <= pairs(0));
+}
+
+TEST_CASE("sections of a surface whose edges were flipped at its rims") {
+  // Faces there have corners that no active triangle has.
+  TaperedLimb limb(0.5, 0.3);
+  limb.mesh = with_slivers(limb.mesh, 0.3);
+  Deformer deformer(limb.mesh, limb.roles, 1, {});
+  CHECK(limb.least_section(surface(deformer, {TaperedLimb::led_down()}, solid())) > 0.9);
 }

@@ -14,8 +14,8 @@ namespace dd {
 
 namespace {
 
-// Difference of depths at which half of a section counts, as a fraction of its thickness. Tuned: of
-// 36 poses of public meshes 2 fold more than a hollow skin, without it 6.
+// Difference of depths at which half of a section counts, as a fraction of its thickness. Tuned: 36
+// poses of public meshes have 124 new intersecting pairs, without it 188.
 constexpr double kHalfUnevenness = 0.5;
 
 /// A mesh of the samples at rims: a triangle each, all of whose corners are the rim's vertex.

@@ -9,9 +9,9 @@ namespace dd {
 
 namespace {
 
-// The fraction of a triangle's area that arms may leave of it. Tuned: of 36 poses of public meshes,
-// most of which should not bend as limbs, 25 fold more than a hollow skin without a limit, 5 with
-// 0.3, 2 with 0.6; with 0.8 limbs that are led aside lose 4% of their sections.
+// The fraction of a triangle's area that arms may leave of it. Tuned on 36 poses of public meshes,
+// most of which should not bend as limbs: they have 186 new intersecting pairs without a limit, 135
+// with 0.3, 124 with 0.6. With 0.8, limbs that are led aside lose 4% of their sections.
 constexpr double kLeastArea = 0.6;
 
 template <class Real>

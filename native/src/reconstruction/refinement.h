@@ -35,8 +35,7 @@ class RefinedFlux : public FluxSource {
 /// solve.
 ///
 /// Solid limbs have sections, over which rotations are averaged before they are smoothed, over a
-/// length that rises with the length of the arm. There the iteration needs no over-relaxation and
-/// converges in few steps.
+/// length that rises with the length of the arm. There the iteration needs no over-relaxation.
 class Refinement : public RefinedFlux {
  public:
   /// sections: must outlive this; null: there are none. solidity: 0, a hollow skin, to 1.

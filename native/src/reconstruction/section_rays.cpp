@@ -17,8 +17,9 @@ namespace {
 // is led aside keeps 82% of its section, with 50° 99%; two more rays do no better.
 constexpr double kTilt = 50 * kPi / 180;
 constexpr double kAngles[kSectionRays] = {0, kTilt, -kTilt};
-// The thickness of which half counts, as a fraction of the free length. Tuned: limbs of half that
-// thickness keep their sections; with 0.7, slabs that are cut out of bodies fold.
+// The thickness of which half counts, as a fraction of the free length. Tuned: limbs of two thirds
+// of that thickness keep their sections; with 0.7, 36 poses of public meshes, of slabs cut out of
+// bodies, have 173 new intersecting pairs in place of 124.
 constexpr double kHalfThickness = 0.5;
 // Farther sides, of which less than 1e-3 would count, are not looked for.
 constexpr double kReach = 1.2;

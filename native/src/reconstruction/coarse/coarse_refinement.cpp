@@ -54,10 +54,10 @@ std::unique_ptr<CrossSections> cross_sections_of(
       {},
       surface.order().free_count,
       [&](int active_index, double weight, CrossSections::Terms& terms) {
+        // The nearest of three: each update takes a mean over these terms several times.
         const CoarseSurface::Stencil& stencil = stencils[size_t(active_index)];
-        for (int k = 0; k < 3; ++k)
-          if (stencil.weight[k] > 0)
-            terms.emplace_back(stencil.active_index[k], weight * stencil.weight[k]);
+        const auto largest = std::max_element(stencil.weight.begin(), stencil.weight.end());
+        terms.emplace_back(stencil.active_index[size_t(largest - stencil.weight.begin())], weight);
       }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(coarse.vertices()[size_t(surface.poisson->active_vertex(i))]);
