@@ -177,8 +177,8 @@ struct KernelsOf {
   void (*rotated_flux_pass)(int block_count, const RotatedFluxBlock<Real>* blocks,
                             const Real* quaternions, double* right_hand_side);
 
-  /// By lane, of a triangle whose corners' arms are turned by their quaternions, and all else by the
-  /// mean of these: its area over that before, seen along the mean's normal.
+  /// By lane, of a triangle whose corners' arms are turned by their quaternions, and all else by
+  /// the mean of these: its area over that before, seen along the mean's normal.
   void (*arm_areas)(int block_count, const ArmBlock<Real>* blocks, const Real* quaternions,
                     Real* areas);
 

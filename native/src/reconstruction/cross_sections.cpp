@@ -85,8 +85,8 @@ class SamplesOfVertices {
 };
 
 /// How much of a section is there: 1 where the vertex and the opposite point are as deep within the
-/// free part, less where their depths differ by a good part of the thickness, as where a part of one
-/// side of a limb is free.
+/// free part, less where their depths differ by a good part of the thickness, as where only a part
+/// of one side of a limb is free.
 double evenness(double depth, double opposite_depth, double thickness) {
   const double uneven = (std::clamp(depth, -thickness, thickness) -
                          std::clamp(opposite_depth, -thickness, thickness)) /

@@ -24,8 +24,10 @@ namespace dd {
 /// Cosserat rod), by the same factor. So R is averaged over sections first. At rest, for rigid
 /// motions, and where no other side is near, with r = 0, nothing changes.
 ///
-/// A section is sampled by rays from p into the inside. c is the mean of the points that they meet
-/// and p, averaged again over the sections of these; on a circle rays alone would give its centre.
+/// A section is sampled by rays from p into the inside, in the plane across the limb. c is the mean
+/// of the points that they meet and p, averaged again over the sections of these; on a circle rays
+/// alone would give its centre. It counts as far as it is thin beside the free length of the limb,
+/// see free_lengths(), so that a slab of a body or a patch on one side of it stays a skin.
 struct CrossSections {
   /// Active indices of the surface and weights.
   using Terms = std::vector<std::pair<int, double>>;
@@ -55,10 +57,8 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
 /// Those of all active vertices.
 std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surface);
 
-/// Rounds of averaging over sections. On a circle, a round leaves a quarter of the first angular
-/// mode and half of the second; each spreads rotations along the limb, too. Tuned without the
-/// smoothing over arms: a cylinder whose tip is led aside keeps 78% of its section with two rounds,
-/// 99% with four.
+/// Rounds of averaging over sections. On a circle, a round leaves a third of the first angular mode
+/// and half of the second.
 constexpr int kCrossSectionRounds = 3;
 
 }  // namespace dd

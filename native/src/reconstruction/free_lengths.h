@@ -8,7 +8,8 @@ namespace dd {
 /// Distances along edges from each active vertex, by active index.
 struct FreeLengths {
   Eigen::VectorXd depths;  ///< to the nearest rim
-  /// The free length: that, and to the nearest rim that moves in another way; 0 where there is none.
+  /// The free length: that, and to the nearest rim that moves in another way; 0 where there is
+  /// none.
   Eigen::VectorXd lengths;
 };
 FreeLengths free_lengths(const FactoredSurface& surface);
