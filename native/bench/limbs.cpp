@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Limbs with and without solidity: the least area of a cross-section over that at rest, the volume,
-// stretch, intersecting faces, and the times of an update and of the first one, which finds the
-// sections.
+// stretch, intersecting faces, and the times in one thread of a bind, of an update and of the first
+// one, which finds the sections.
 //
 //   limbs [density]     1: 1,682 vertices; 5: 42,002
 #include <cstdio>
@@ -47,9 +47,10 @@ std::vector<Motion> motions() {
 void measure_limb(const std::string& name, const TaperedLimb& limb, double solidity) {
   std::vector<char> free;
   for (int role : limb.roles) free.push_back(role == dd::kFree);
+  dd::BindOptions one_thread;
+  one_thread.threads = 1;
   std::optional<dd::Deformer> bound;
-  const double bind =
-      milliseconds([&] { bound.emplace(limb.mesh, limb.roles, 1, dd::BindOptions{}); });
+  const double bind = milliseconds([&] { bound.emplace(limb.mesh, limb.roles, 1, one_thread); });
   dd::Deformer& deformer = *bound;
   dd::UpdateOptions options;
   options.of_method.refined.iterations = 4;
