@@ -51,12 +51,7 @@ class SamplesOfVertices {
     // Beyond the rims: the nearest rim of its component that moves as it does.
     const std::vector<int>& role = samples_.surface.region.role;
     const PointOnTriangle rim =
-        tree_.nearest(rims_.positions.row(vertex).transpose(),
-                      std::numeric_limits<double>::infinity(), [&](int i) {
-                        const int other = rims_.triangles(i, 0);
-                        return role[size_t(other)] == role[size_t(vertex)] &&
-                               rays_.component_of(other) == rays_.component_of(vertex);
-                      });
+        nearest_rim(vertex, [&](int v) { return role[size_t(v)] == role[size_t(vertex)]; });
     if (rim.triangle >= 0) terms.emplace_back(samples_.free_count + rim.triangle, weight);
   }
 
@@ -78,6 +73,7 @@ class SamplesOfVertices {
                                   accept(rim);
                          });
   }
+
   const CrossSectionSamples& samples_;
   const SectionRays& rays_;
   Mesh rims_;
