@@ -450,15 +450,13 @@ void mean_rotations(int first, int last, const int* starts, const int32_t (*inde
   }
 }
 
-/// Rotates vectors by quaternions. twice: 2 over their squared lengths.
+/// Rotates vectors by unit quaternions.
 template <class Real>
-inline void rotate(const Real (&q)[4][kLanes], const Real (&twice)[kLanes],
-                   const Real (&v)[3][kLanes], Real (&out)[3][kLanes]) {
+inline void rotate(const Real (&q)[4][kLanes], const Real (&v)[3][kLanes], Real (&out)[3][kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const Real x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
     const Real vx = v[0][lane], vy = v[1][lane], vz = v[2][lane];
-    const Real cx = twice[lane] * (y * vz - z * vy), cy = twice[lane] * (z * vx - x * vz),
-               cz = twice[lane] * (x * vy - y * vx);
+    const Real cx = 2 * (y * vz - z * vy), cy = 2 * (z * vx - x * vz), cz = 2 * (x * vy - y * vx);
     out[0][lane] = vx + w * cx + (y * cz - z * cy);
     out[1][lane] = vy + w * cy + (z * cx - x * cz);
     out[2][lane] = vz + w * cz + (x * cy - y * cx);
@@ -476,18 +474,7 @@ void rotated_flux_pass(int block_count, const RotatedFluxBlock<Real>* blocks,
     Real q[4][kLanes];
     mean_of_rows(3, block.corner, thirds, quaternions, q);
     Real flux[2][3][kLanes];
-    for (int corner = 0; corner < 2; ++corner) {
-      for (int lane = 0; lane < kLanes; ++lane) {
-        const Real x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
-        const Real fx = block.flux[corner][0][lane], fy = block.flux[corner][1][lane],
-                   fz = block.flux[corner][2][lane];
-        const Real cx = 2 * (y * fz - z * fy), cy = 2 * (z * fx - x * fz),
-                   cz = 2 * (x * fy - y * fx);
-        flux[corner][0][lane] = fx + w * cx + (y * cz - z * cy);
-        flux[corner][1][lane] = fy + w * cy + (z * cx - x * cz);
-        flux[corner][2][lane] = fz + w * cz + (x * cy - y * cx);
-      }
-    }
+    for (int corner = 0; corner < 2; ++corner) rotate(q, block.flux[corner], flux[corner]);
     scatter(block.target, flux, right_hand_side);
   }
 }
@@ -495,32 +482,26 @@ void rotated_flux_pass(int block_count, const RotatedFluxBlock<Real>* blocks,
 template <class Real>
 void arm_areas(int block_count, const ArmBlock<Real>* blocks, const Real* quaternions,
                Real* areas) {
-  Real thirds[3][kLanes], two[kLanes];
+  Real thirds[3][kLanes], one[1][kLanes];
   for (auto& weights : thirds)
     for (Real& weight : weights) weight = Real(1) / 3;
-  for (Real& number : two) number = 2;
+  for (Real& weight : one[0]) weight = 1;
   for (int b = 0; b < block_count; ++b) {
     const ArmBlock<Real>& block = blocks[b];
-    Real arm[3][3][kLanes];
+    Real q[4][kLanes], arm[3][3][kLanes];
     for (int k = 0; k < 3; ++k) {
-      Real q[4][kLanes], twice[kLanes];
-      for (int lane = 0; lane < kLanes; ++lane)
-        for (int c = 0; c < 4; ++c)
-          q[c][lane] = quaternions[4 * static_cast<int64_t>(block.corner[k][lane]) + c];
-      for (int lane = 0; lane < kLanes; ++lane)
-        twice[lane] = 2 / (q[0][lane] * q[0][lane] + q[1][lane] * q[1][lane] +
-                           q[2][lane] * q[2][lane] + q[3][lane] * q[3][lane]);
-      rotate(q, twice, block.arm[k], arm[k]);
+      mean_of_rows(1, block.corner + k, one, quaternions, q);
+      rotate(q, block.arm[k], arm[k]);
     }
-    Real mean[4][kLanes], edge[2][3][kLanes], normal[3][kLanes];
-    mean_of_rows(3, block.corner, thirds, quaternions, mean);
+    Real edge[2][3][kLanes], normal[3][kLanes];
+    mean_of_rows(3, block.corner, thirds, quaternions, q);
     for (int k = 0; k < 2; ++k) {
-      rotate(mean, two, block.edge[k], edge[k]);
+      rotate(q, block.edge[k], edge[k]);
       for (int c = 0; c < 3; ++c)
         for (int lane = 0; lane < kLanes; ++lane)
           edge[k][c][lane] += arm[k + 1][c][lane] - arm[0][c][lane];
     }
-    rotate(mean, two, block.normal, normal);
+    rotate(q, block.normal, normal);
     for (int lane = 0; lane < kLanes; ++lane) {
       const Real ux = edge[0][0][lane], uy = edge[0][1][lane], uz = edge[0][2][lane];
       const Real vx = edge[1][0][lane], vy = edge[1][1][lane], vz = edge[1][2][lane];

@@ -37,13 +37,18 @@ PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector
   return at(share(of_b, sum), share(of_c, sum));
 }
 
+Eigen::AlignedBox3d box_of(const Mesh& mesh, int triangle) {
+  Eigen::AlignedBox3d box;
+  for (int k = 0; k < 3; ++k)
+    box.extend(mesh.positions.row(mesh.triangles(triangle, k)).transpose());
+  return box;
+}
+
 AabbTree::AabbTree(const Mesh& mesh)
     : mesh_(mesh),
       normals_(triangle_normals(mesh.positions, mesh.triangles)),
       boxes_(static_cast<size_t>(mesh.triangle_count())) {
-  for (int j = 0; j < mesh.triangle_count(); ++j)
-    for (int k = 0; k < 3; ++k)
-      boxes_[j].extend(mesh.positions.row(mesh.triangles(j, k)).transpose());
+  for (int j = 0; j < mesh.triangle_count(); ++j) boxes_[j] = box_of(mesh, j);
   order_.resize(boxes_.size());
   std::iota(order_.begin(), order_.end(), 0);
   if (!order_.empty()) build(0, static_cast<int>(order_.size()));

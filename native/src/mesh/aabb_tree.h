@@ -33,6 +33,8 @@ inline Eigen::RowVector3d position_of(const PointOnTriangle& point, const Positi
 /// The closest point of triangle j (Ericson 2004).
 PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector3d& point);
 
+Eigen::AlignedBox3d box_of(const Mesh& mesh, int triangle);
+
 /// A bounding volume hierarchy of axis-aligned boxes over a mesh's triangles. A node holds the
 /// range [begin, end) of order_, its children the halves of it. The mesh must outlive it.
 class AabbTree {

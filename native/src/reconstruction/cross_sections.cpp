@@ -20,10 +20,10 @@ constexpr double kHalfUnevenness = 0.5;
 
 /// A mesh of the samples at rims: a triangle each, all of whose corners are the rim's vertex.
 Mesh rims_of(const CrossSectionSamples& samples) {
-  const auto count = static_cast<Index>(samples.vertices.size()) - samples.free_count;
-  Triangles corners(count, 3);
-  for (Index i = 0; i < count; ++i)
-    corners.row(i).setConstant(samples.vertices[size_t(samples.free_count + i)]);
+  const int free_count = samples.own.order().free_count;
+  Triangles corners(static_cast<Index>(samples.vertices.size()) - free_count, 3);
+  for (Index i = 0; i < corners.rows(); ++i)
+    corners.row(i).setConstant(samples.vertices[size_t(free_count + i)]);
   return {samples.surface.mesh.positions, corners};
 }
 
@@ -33,28 +33,22 @@ class SamplesOfVertices {
   SamplesOfVertices(const CrossSectionSamples& samples, const SectionRays& rays)
       : samples_(samples), rays_(rays), rims_(rims_of(samples)), tree_(rims_) {}
 
-  /// The distance to the nearest rim, negative outside the free part. depths: of the samples.
-  double depth_of(int vertex, const Eigen::VectorXd& depths) const {
+  /// The sample that stands for a vertex: beyond the rims the nearest rim of its component that
+  /// moves as it does, or -1.
+  int of(int vertex) const {
     const int active = samples_.surface.poisson->active_index_of_vertex(vertex);
-    if (active < 0)
-      return -std::sqrt(nearest_rim(vertex, [](int) { return true; }).squared_distance);
-    CrossSections::Terms terms;
-    samples_.add_terms(active, 1, terms);
-    double depth = 0;
-    for (const auto& [sample, weight] : terms) depth += weight * depths[sample];
-    return depth;
-  }
-  /// Appends the terms that stand for a vertex.
-  void add(int vertex, double weight, CrossSections::Terms& terms) const {
-    const int active = samples_.surface.poisson->active_index_of_vertex(vertex);
-    if (active >= 0) return samples_.add_terms(active, weight, terms);
-    // Beyond the rims: the nearest rim of its component that moves as it does.
+    if (active >= 0) return samples_.sample_of(active);
     const std::vector<int>& role = samples_.surface.region.role;
     const PointOnTriangle rim =
         nearest_rim(vertex, [&](int v) { return role[size_t(v)] == role[size_t(vertex)]; });
-    if (rim.triangle >= 0) terms.emplace_back(samples_.free_count + rim.triangle, weight);
+    return rim.triangle < 0 ? -1 : samples_.own.order().free_count + rim.triangle;
   }
-
+  /// The distance to the nearest rim, negative outside the free part. depths: of the samples.
+  double depth_of(int vertex, const Eigen::VectorXd& depths) const {
+    const int active = samples_.surface.poisson->active_index_of_vertex(vertex);
+    if (active >= 0) return depths[samples_.sample_of(active)];
+    return -std::sqrt(nearest_rim(vertex, [](int) { return true; }).squared_distance);
+  }
   int nearest_corner(const PointOnTriangle& point) const {
     Index corner = 0;
     point.barycentric.maxCoeff(&corner);
@@ -106,12 +100,14 @@ void merge(CrossSections::Terms& terms) {
 CrossSections::Terms mean_over(const SectionSample& section, int own, double even,
                                const SamplesOfVertices& samples) {
   CrossSections::Terms terms;
-  for (size_t k = 0; k < kSectionRays; ++k)
-    if (section.points[k].triangle >= 0)
-      samples.add(samples.nearest_corner(section.points[k]), 0.5 * even * section.weights[k],
-                  terms);
   double rest = 1;
-  for (const auto& term : terms) rest -= term.second;
+  for (size_t k = 0; k < kSectionRays; ++k) {
+    if (section.points[k].triangle < 0) continue;
+    const int sample = samples.of(samples.nearest_corner(section.points[k]));
+    if (sample < 0) continue;
+    terms.emplace_back(sample, 0.5 * even * section.weights[k]);
+    rest -= terms.back().second;
+  }
   terms.emplace_back(own, rest);
   merge(terms);
   return terms;
@@ -157,13 +153,7 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
 }
 
 std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surface) {
-  CrossSectionSamples samples{surface,
-                              surface,
-                              {},
-                              surface.order().free_count,
-                              [](int active_index, double weight, CrossSections::Terms& terms) {
-                                terms.emplace_back(active_index, weight);
-                              }};
+  CrossSectionSamples samples{surface, surface, {}, [](int active_index) { return active_index; }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(surface.poisson->active_vertex(i));
   return find_cross_sections(samples);

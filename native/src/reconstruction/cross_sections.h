@@ -47,10 +47,9 @@ struct CrossSections {
 struct CrossSectionSamples {
   const FactoredSurface& surface;  ///< which rays are cast in
   const FactoredSurface& own;      ///< whose active vertices they are
-  std::vector<int> vertices;       ///< vertices of the surface, free ones first, then rims
-  int free_count;
-  /// Appends an active vertex of the surface, times a weight, as a sum of samples.
-  std::function<void(int active_index, double weight, CrossSections::Terms& terms)> add_terms;
+  std::vector<int> vertices;       ///< the same, as vertices of the surface
+  /// The sample that stands for an active vertex of the surface.
+  std::function<int(int active_index)> sample_of;
 };
 
 std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples);

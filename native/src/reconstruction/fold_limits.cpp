@@ -118,13 +118,10 @@ void FoldLimits<Real>::limit(const ArmBlock<Real>& block, int lane, int triangle
   const double factor = (1 - kLeastArea) / (1 - area);  // λ
   const auto cotangents = surface_.operators.metric.cotangents.row(triangle);
   for (int k = 0; k < 3; ++k) {
-    const int next = (k + 1) % 3, last = (k + 2) % 3;
     const int target =
         surface_.poisson->right_hand_side_row(section, surface_.operators.triangles(triangle, k));
     Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(target)) +=
-        0.5 * (factor - 1) *
-        (cotangents[last] * (beyond.col(k) - beyond.col(next)) +
-         cotangents[next] * (beyond.col(k) - beyond.col(last)));
+        (factor - 1) * corner_divergence(cotangents, beyond, k);
   }
 }
 

@@ -29,13 +29,11 @@ Positions limb_axes(const FactoredSurface& surface) {
   for (Index i = 0; i < count; ++i) {
     const auto face = mesh.triangles.row(faces[size_t(i)]);
     for (int k = 0; k < 3; ++k) corners(i, k) = poisson.active_index_of_vertex(face[k]);
-    const Eigen::Vector3d a = mesh.positions.row(face[0]),
-                          normal = (mesh.positions.row(face[1]).transpose() - a)
-                                       .cross(mesh.positions.row(face[2]).transpose() - a);
-    const double length = normal.norm();
-    const Eigen::Vector3d n = length > 0 ? Eigen::Vector3d(normal / length) : normal;
+    const Eigen::Matrix3d frame =
+        edges_and_normal(mesh.positions, mesh.triangles, faces[size_t(i)]);
+    const auto n = frame.col(2);
     of_faces.row(i) << n[0] * n[0], n[0] * n[1], n[0] * n[2], n[1] * n[1], n[1] * n[2], n[2] * n[2];
-    of_faces.row(i) *= length;
+    of_faces.row(i) *= frame.col(0).cross(frame.col(1)).norm();
   }
   for (int round = 0; round < kRounds; ++round) {
     if (round > 0)

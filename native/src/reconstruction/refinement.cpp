@@ -72,7 +72,7 @@ class RefinementOf : public Refinement {
   void find_from(const Rows& posed, int iterations, Rows& offsets) override;
   Rows rotations() const override;
   void add(int section, double* rows) const override {
-    (is_posed() ? *posed_pass_ : pass_).add(vertex_rotations_.data(), section, rows);
+    flux_pass().add(vertex_rotations_.data(), section, rows);
     limits_.add(vertex_rotations_.data(), section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
@@ -83,6 +83,7 @@ class RefinementOf : public Refinement {
 
   void make_averages(const std::vector<int>& local_triangle, int first_constrained);
   bool is_posed() const { return !posed_rotations_.empty(); }
+  const RotatedFluxPass<Real>& flux_pass() const { return is_posed() ? *posed_pass_ : pass_; }
   void leave_pose() {
     posed_rotations_.clear();
     arms_.leave_pose();
@@ -219,8 +220,7 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
   pass_.take(arms_.centres(surface_.rest));
-  limits_.take(surface_.rest, arms_);
-  posed_rotations_.clear();
+  leave_pose();
   find_rest();
   cross_sections_ = sections;
   solidity_ = solidity;
@@ -406,9 +406,8 @@ void RefinementOf<Real>::turn_arms() {
 
 template <class Real>
 void RefinementOf<Real>::step(double weight, double relaxation, Rows& offsets) {
-  const RotatedFluxPass<Real>& pass = is_posed() ? *posed_pass_ : pass_;
   const auto add_flux = [&](int section, double* rows) {  // limits_ for the last solve alone
-    pass.add(vertex_rotations_.data(), section, rows);
+    flux_pass().add(vertex_rotations_.data(), section, rows);
   };
   if (!cross_sections_) {
     surface_.poisson->solve(*at_rest_, add_flux, offsets, weight * relaxation);

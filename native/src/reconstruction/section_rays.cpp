@@ -35,12 +35,8 @@ Mesh triangles_near(const Mesh& mesh, const std::vector<int>& vertices, double d
   box.min().array() -= distance;
   box.max().array() += distance;
   std::vector<int> near;
-  for (int j = 0; j < mesh.triangle_count(); ++j) {
-    Eigen::AlignedBox3d of_triangle;
-    for (int k = 0; k < 3; ++k)
-      of_triangle.extend(mesh.positions.row(mesh.triangles(j, k)).transpose());
-    if (box.intersects(of_triangle)) near.push_back(j);
-  }
+  for (int j = 0; j < mesh.triangle_count(); ++j)
+    if (box.intersects(box_of(mesh, j))) near.push_back(j);
   return {mesh.positions, mesh.triangles(near, kAllIndices)};
 }
 

@@ -250,12 +250,11 @@ SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metr
 Positions corner_divergence(const TriangleMetric& metric, const Positions& p, const Triangles& t) {
   Positions result(3 * t.rows(), 3);
   for (Index j = 0; j < t.rows(); ++j) {
-    for (int k = 0; k < 3; ++k) {
-      const int next = (k + 1) % 3, last = (k + 2) % 3;
-      result.row(3 * j + k) =
-          0.5 * (metric.cotangents(j, last) * (p.row(t(j, k)) - p.row(t(j, next))) +
-                 metric.cotangents(j, next) * (p.row(t(j, k)) - p.row(t(j, last))));
-    }
+    Eigen::Matrix3d corners;
+    for (int k = 0; k < 3; ++k) corners.col(k) = p.row(t(j, k)).transpose();
+    const auto cotangents = metric.cotangents.row(j);
+    for (int k = 0; k < 3; ++k)
+      result.row(3 * j + k) = corner_divergence(cotangents, corners, k).transpose();
   }
   return result;
 }

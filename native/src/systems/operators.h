@@ -65,6 +65,16 @@ SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metr
 Positions corner_divergence(const TriangleMetric& metric, const Positions& positions,
                             const Triangles& triangles);
 
+/// The same at corner k of one triangle, by its cotangents and its corners' positions, a column
+/// each.
+template <class Cotangents>
+Eigen::Vector3d corner_divergence(const Cotangents& cotangents, const Eigen::Matrix3d& corners,
+                                  int k) {
+  const int next = (k + 1) % 3, last = (k + 2) % 3;
+  return 0.5 * (cotangents[last] * (corners.col(k) - corners.col(next)) +
+                cotangents[next] * (corners.col(k) - corners.col(last)));
+}
+
 /// Mean edge length over all triangles, an edge counted once for each of its triangles.
 double mean_edge_length(const Positions& positions, const Triangles& triangles);
 

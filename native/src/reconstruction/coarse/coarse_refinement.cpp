@@ -49,15 +49,11 @@ std::unique_ptr<CrossSections> cross_sections_of(
     const std::vector<CoarseSurface::Stencil>& stencils) {
   const FactoredSurface& surface = coarse.surface();
   CrossSectionSamples samples{
-      fine,
-      surface,
-      {},
-      surface.order().free_count,
-      [&](int active_index, double weight, CrossSections::Terms& terms) {
-        // The nearest of three: each update takes a mean over these terms several times.
+      fine, surface, {}, [&](int active_index) {
+        // One of three: each update takes means over samples several times.
         const CoarseSurface::Stencil& stencil = stencils[size_t(active_index)];
         const auto largest = std::max_element(stencil.weight.begin(), stencil.weight.end());
-        terms.emplace_back(stencil.active_index[size_t(largest - stencil.weight.begin())], weight);
+        return stencil.active_index[size_t(largest - stencil.weight.begin())];
       }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)
     samples.vertices.push_back(coarse.vertices()[size_t(surface.poisson->active_vertex(i))]);
