@@ -57,17 +57,13 @@ class Limb {
     find_rims();
   }
 
-  struct Refined {
-    int iterations;
-    double solidity;
-  };
   /// The new pairs after each of several refinements, by one bind.
-  std::vector<Folds> folds(const std::vector<Refined>& refinements) const {
+  std::vector<Folds> folds(const std::vector<dd::Refined>& refinements) const {
     dd::Deformer deformer(mesh_, roles_, 1, {});
     std::vector<Folds> found;
-    for (const Refined& refined : refinements) {
+    for (const dd::Refined& refined : refinements) {
       dd::UpdateOptions how;
-      how.of_method.refined = {refined.iterations, 0.009, 0.05, refined.solidity};
+      how.of_method.refined = refined;
       found.push_back(
           sorted({mesh_.positions + deformer.update(motion_.data(), how), mesh_.triangles}));
     }
@@ -133,7 +129,8 @@ int main(int count, char** arguments) {
     for (int axis = 0; axis < 3; ++axis)
       for (const bool last : {false, true}) {
         const Limb limb(mesh, axis, last);
-        const std::vector<Folds> found = limb.folds({{0, 0}, {4, 0}, {4, 1}});
+        const std::vector<Folds> found =
+            limb.folds({{0, 0.009, 0.05, 0}, {4, 0.009, 0.05, 0}, {4, 0.009, 0.05, 1}});
         const int before = found[0].count(), now = found[1].count(), solid = found[2].count(),
                   smooth = limb.by_smooth_arap();
         ++poses;

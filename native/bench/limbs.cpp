@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Limbs with and without solidity: the least area of a cross-section over that at rest, the volume,
 // stretch, intersecting faces, and the times in one thread of a bind, of an update and of the first
-// one, which finds the sections.
+// one, which finds the sections; then the survey's cases.
 //
 //   limbs [density]     1: 1,682 vertices; 5: 42,002
 #include <cstdio>
@@ -44,9 +44,14 @@ std::vector<Motion> motions() {
   return all;
 }
 
-void measure_limb(const std::string& name, const TaperedLimb& limb, double solidity) {
+std::vector<char> free_of(const std::vector<int>& roles) {
   std::vector<char> free;
-  for (int role : limb.roles) free.push_back(role == dd::kFree);
+  for (int role : roles) free.push_back(role == dd::kFree);
+  return free;
+}
+
+void measure_limb(const std::string& name, const TaperedLimb& limb, double solidity) {
+  const std::vector<char> free = free_of(limb.roles);
   dd::BindOptions one_thread;
   one_thread.threads = 1;
   std::optional<dd::Deformer> bound;
@@ -75,6 +80,22 @@ void measure_limb(const std::string& name, const TaperedLimb& limb, double solid
   }
 }
 
+/// The survey's cases, on meshes of our own, of which the plane has no inside.
+void measure_survey() {
+  for (const dd::test::Case& one : dd::test::survey_cases()) {
+    const std::vector<char> free = free_of(one.roles);
+    dd::Deformer deformer(one.mesh, one.roles, 1, {});
+    for (const double solidity : {0.0, 1.0}) {
+      dd::UpdateOptions options;
+      options.of_method.refined = {4, 0.009, 0.05, solidity};
+      const Positions p = one.mesh.positions + deformer.update(one.motion.data(), options);
+      const dd::Measures found = dd::measure(one.mesh, p, free);
+      std::printf("%s, solidity %g: stretch %.3f  volume %.3f  intersecting %d\n", one.name.c_str(),
+                  solidity, found.stretch, found.volume_ratio, found.intersecting_triangles);
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -86,4 +107,5 @@ int main(int argc, char** argv) {
                                                        {"relief", {0.4, 0.2, 1, density, 0.08}}};
   for (const auto& [name, limb] : limbs)
     for (const double solidity : {0.0, 1.0}) measure_limb(name, limb, solidity);
+  measure_survey();
 }
