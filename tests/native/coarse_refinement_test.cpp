@@ -48,6 +48,7 @@ struct Posed {
     Rows moved = solved(*gradients, offsets);
     const auto refinement =
         make_refinement(bound, kLength * bound.active_size, bound.operators.masses);
+    refinement->set_solidity(nullptr, 0);
     refinement->find(iterations, {}, moved);
     return solved(*refinement, moved);
   }
@@ -55,6 +56,7 @@ struct Posed {
   Rows coarse(int iterations) {
     const auto refinement = CoarseRefinement::make(bound, bound.base, kLength * bound.active_size);
     REQUIRE(refinement);
+    refinement->set_solidity(0);
     refinement->find(iterations, {base, linear}, {}, offsets);
     return solved(*refinement, offsets);
   }

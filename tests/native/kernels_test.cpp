@@ -297,14 +297,15 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     for (ArmBlock<Real>& block : arm_blocks) {
       for (auto& row : block.corner)
         for (int32_t& corner : row) corner = static_cast<int32_t>(random() % (3 * kLanes));
-      const std::vector<Real> filling = numbers((9 + 6 + 3) * kLanes, Real());
-      std::copy_n(filling.data(), 9 * kLanes, &block.arm[0][0][0]);
-      std::copy_n(filling.data() + 9 * kLanes, 6 * kLanes, &block.edge[0][0][0]);
-      std::copy_n(filling.data() + 15 * kLanes, 3 * kLanes, &block.normal[0][0]);
+      const std::vector<Real> filling = numbers((6 + 6 + 3) * kLanes, Real());
+      std::copy_n(filling.data(), 6 * kLanes, &block.arm_edge[0][0][0]);
+      std::copy_n(filling.data() + 6 * kLanes, 6 * kLanes, &block.centre_edge[0][0][0]);
+      std::copy_n(filling.data() + 12 * kLanes, 3 * kLanes, &block.normal[0][0]);
     }
     std::vector<Real> areas(2 * kLanes), areas_wide(areas);
-    plain.arm_areas(2, arm_blocks.data(), near.data(), areas.data());
-    wide.arm_areas(2, arm_blocks.data(), near.data(), areas_wide.data());
+    const std::vector<double> changes = numbers(4 * 3 * kLanes, double());
+    plain.arm_areas(2, arm_blocks.data(), near.data(), changes.data(), areas.data());
+    wide.arm_areas(2, arm_blocks.data(), near.data(), changes.data(), areas_wide.data());
     CHECK(close(areas, areas_wide));
     for (int i = 0; i < 2 * kLanes; ++i) {
       const ArmBlock<Real>& block = arm_blocks[size_t(i / kLanes)];
@@ -313,16 +314,17 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
         return Eigen::Vector3d(of[0][lane], of[1][lane], of[2][lane]);
       };
       Eigen::Quaterniond mean(0, 0, 0, 0);
-      std::array<Eigen::Vector3d, 3> arms;
-      for (size_t k = 0; k < 3; ++k) {
-        const Eigen::Quaterniond q = quaternion(&near[size_t(4 * block.corner[k][lane])]);
-        mean.coeffs() += q.coeffs();
-        arms[k] = q.normalized() * vector(block.arm[k]);
-      }
+      for (const auto& corner : block.corner)
+        mean.coeffs() += quaternion(&near[size_t(4 * corner[lane])]).coeffs();
       mean.normalize();
-      const double expected = (mean * vector(block.edge[0]) + arms[1] - arms[0])
-                                  .cross(mean * vector(block.edge[1]) + arms[2] - arms[0])
-                                  .dot(mean * vector(block.normal));
+      const auto edge = [&](int k) -> Eigen::Vector3d {
+        const auto change = [&](int of) {
+          return Eigen::Map<const Eigen::Vector3d>(&changes[size_t(4 * block.corner[of][lane])]);
+        };
+        return mean * vector(block.centre_edge[k]) + vector(block.arm_edge[k]) + change(k + 1) -
+               change(0);
+      };
+      const double expected = edge(0).cross(edge(1)).dot(mean * vector(block.normal));
       CHECK(std::abs(areas[size_t(i)] - expected) < 10 * tolerance);
     }
     const std::vector<int> starts = {0, 3, 5, 9};

@@ -48,10 +48,10 @@ struct RotatedFluxBlock {
 /// kLanes triangles with arms at their corners, for FoldLimits. Unused lanes have no arms.
 template <class Real>
 struct ArmBlock {
-  int32_t corner[3][kLanes];  ///< rows of the quaternions
-  Real arm[3][3][kLanes];
-  Real edge[2][3][kLanes];  ///< from corner 0 to the others, less the same of the arms
-  Real normal[3][kLanes];   ///< the triangle's, over twice its area
+  int32_t corner[3][kLanes];       ///< rows of the quaternions
+  Real centre_edge[2][3][kLanes];  ///< between the corners' centres, from corner 0 to the others
+  Real arm_edge[2][3][kLanes];     ///< the same of their arms
+  Real normal[3][kLanes];          ///< the triangle's, over twice its area
 };
 
 /// kLanes triangles of a surface posed by example, structure of arrays: see ExamplePass.
@@ -177,10 +177,11 @@ struct KernelsOf {
   void (*rotated_flux_pass)(int block_count, const RotatedFluxBlock<Real>* blocks,
                             const Real* quaternions, double* right_hand_side);
 
-  /// By lane, of a triangle whose corners' arms are turned by their quaternions, and all else by
-  /// the mean of these: its area over that before, seen along the mean's normal.
+  /// By lane, of a triangle whose corners' arms change by their displacements, and whose centres
+  /// are turned by the mean of their quaternions: its area over that before, seen along the normal
+  /// as the mean turns it. displacements: rows as the quaternions.
   void (*arm_areas)(int block_count, const ArmBlock<Real>* blocks, const Real* quaternions,
-                    Real* areas);
+                    const double* displacements, Real* areas);
 
   /// ExamplePass's functions of these names, for the blocks begin to end − 1. offsets, rows: n×4.
   void (*example_pose)(const ExampleView<Real>& view, int begin, int end, const Real* weights,

@@ -481,33 +481,34 @@ void rotated_flux_pass(int block_count, const RotatedFluxBlock<Real>* blocks,
 
 template <class Real>
 void arm_areas(int block_count, const ArmBlock<Real>* blocks, const Real* quaternions,
-               Real* areas) {
-  Real thirds[3][kLanes], one[1][kLanes];
+               const double* displacements, Real* areas) {
+  Real thirds[3][kLanes];
   for (auto& weights : thirds)
     for (Real& weight : weights) weight = Real(1) / 3;
-  for (Real& weight : one[0]) weight = 1;
   for (int b = 0; b < block_count; ++b) {
     const ArmBlock<Real>& block = blocks[b];
-    Real q[4][kLanes], arm[3][3][kLanes];
-    for (int k = 0; k < 3; ++k) {
-      mean_of_rows(1, block.corner + k, one, quaternions, q);
-      rotate(q, block.arm[k], arm[k]);
-    }
-    Real edge[2][3][kLanes], normal[3][kLanes];
+    Real q[4][kLanes];
     mean_of_rows(3, block.corner, thirds, quaternions, q);
+    for (int c = 0; c < 3; ++c)  // turned back, so that the normal stays as it is
+      for (Real& component : q[c]) component = -component;
+    TriangleEdges<Real> change;
+    gather_edges(block.corner, displacements, change);
+    Real edge[2][3][kLanes], turned[3][kLanes];
     for (int k = 0; k < 2; ++k) {
-      rotate(q, block.edge[k], edge[k]);
+      Real(&arm_edge)[3][kLanes] = k == 0 ? change.first : change.second;
+      for (int c = 0; c < 3; ++c)
+        for (int lane = 0; lane < kLanes; ++lane) arm_edge[c][lane] += block.arm_edge[k][c][lane];
+      rotate(q, arm_edge, turned);
       for (int c = 0; c < 3; ++c)
         for (int lane = 0; lane < kLanes; ++lane)
-          edge[k][c][lane] += arm[k + 1][c][lane] - arm[0][c][lane];
+          edge[k][c][lane] = block.centre_edge[k][c][lane] + turned[c][lane];
     }
-    rotate(q, block.normal, normal);
     for (int lane = 0; lane < kLanes; ++lane) {
       const Real ux = edge[0][0][lane], uy = edge[0][1][lane], uz = edge[0][2][lane];
       const Real vx = edge[1][0][lane], vy = edge[1][1][lane], vz = edge[1][2][lane];
-      areas[kLanes * static_cast<int64_t>(b) + lane] = (uy * vz - uz * vy) * normal[0][lane] +
-                                                       (uz * vx - ux * vz) * normal[1][lane] +
-                                                       (ux * vy - uy * vx) * normal[2][lane];
+      areas[kLanes * static_cast<int64_t>(b) + lane] = (uy * vz - uz * vy) * block.normal[0][lane] +
+                                                       (uz * vx - ux * vz) * block.normal[1][lane] +
+                                                       (ux * vy - uy * vx) * block.normal[2][lane];
     }
   }
 }

@@ -48,29 +48,41 @@ AabbTree::AabbTree(const Mesh& mesh)
     : mesh_(mesh),
       normals_(triangle_normals(mesh.positions, mesh.triangles)),
       boxes_(static_cast<size_t>(mesh.triangle_count())) {
-  for (int j = 0; j < mesh.triangle_count(); ++j) boxes_[j] = box_of(mesh, j);
+  Positions centres(mesh.triangle_count(), 3);
+  for (int j = 0; j < mesh.triangle_count(); ++j) {
+    boxes_[j] = box_of(mesh, j);
+    centres.row(j) = boxes_[j].center().transpose();
+  }
   order_.resize(boxes_.size());
   std::iota(order_.begin(), order_.end(), 0);
-  if (!order_.empty()) build(0, static_cast<int>(order_.size()));
+  if (!order_.empty()) build(0, static_cast<int>(order_.size()), centres);
 }
 
-int AabbTree::build(int begin, int end) {
+int AabbTree::build(int begin, int end, const Positions& centres) {
   const int number = static_cast<int>(nodes_.size());
   nodes_.push_back({Eigen::AlignedBox3d(), Eigen::AlignedBox3d(), begin, end});
-  for (int i = begin; i < end; ++i) {
-    nodes_[number].box.extend(boxes_[order_[i]]);
-    nodes_[number].normals.extend(normals_.row(order_[i]).transpose());
+  Node node = nodes_.back();
+  if (end - begin <= kLeaf) {
+    for (int i = begin; i < end; ++i) {
+      node.box.extend(boxes_[order_[i]]);
+      node.normals.extend(normals_.row(order_[i]).transpose());
+    }
+  } else {
+    Eigen::AlignedBox3d of_centres;
+    for (int i = begin; i < end; ++i) of_centres.extend(centres.row(order_[i]).transpose());
+    Index axis = 0;
+    of_centres.sizes().maxCoeff(&axis);
+    const int middle = begin + (end - begin) / 2;
+    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
+                     [&](int a, int b) { return centres(a, axis) < centres(b, axis); });
+    node.left = build(begin, middle, centres);
+    node.right = build(middle, end, centres);
+    for (int child : {node.left, node.right}) {
+      node.box.extend(nodes_[child].box);
+      node.normals.extend(nodes_[child].normals);
+    }
   }
-  if (end - begin <= kLeaf) return number;
-  Index axis = 0;
-  nodes_[number].box.sizes().maxCoeff(&axis);
-  const int middle = begin + (end - begin) / 2;
-  std::nth_element(
-      order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-      [&](int a, int b) { return boxes_[a].center()[axis] < boxes_[b].center()[axis]; });
-  const int left = build(begin, middle), right = build(middle, end);
-  nodes_[number].left = left;
-  nodes_[number].right = right;
+  nodes_[number] = node;
   return number;
 }
 

@@ -73,13 +73,9 @@ class AabbTree {
   template <class Accept>
   PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
                                  double max_distance, const Accept& accept) const {
-    const auto may_face = [&](const Node& node) {
-      return normal.cwiseProduct(node.normals.min())
-                 .cwiseMax(normal.cwiseProduct(node.normals.max()))
-                 .sum() > 0;
-    };
-    return nearest(point, max_distance, may_face,
-                   [&](int j) { return normals_.row(j).dot(normal) > 0 && accept(j); });
+    return nearest(
+        point, max_distance, [&](const Node& node) { return node.may_face(normal); },
+        [&](int j) { return normals_.row(j).dot(normal) > 0 && accept(j); });
   }
   PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
                                  double max_distance) const {
@@ -108,8 +104,15 @@ class AabbTree {
   struct Node {
     Eigen::AlignedBox3d box, normals;  // bounds of the triangles and of their unit normals
     int begin, end, left = -1, right = -1;
+
+    /// Whether a normal in these bounds may have a positive dot product with a direction.
+    bool may_face(const Eigen::Vector3d& direction) const {
+      return direction.cwiseProduct(normals.min())
+                 .cwiseMax(direction.cwiseProduct(normals.max()))
+                 .sum() > 0;
+    }
   };
-  int build(int begin, int end);
+  int build(int begin, int end, const Positions& centres);
 
   /// nearest() without the subtrees for which enter(node) is false.
   template <class Enter, class Accept>
@@ -165,7 +168,7 @@ PointOnTriangle AabbTree::first_exit(const Eigen::Vector3d& from, const Eigen::V
   // Safety: without 0, whose inverse times 0 is no number.
   const Eigen::Array3d inverse =
       (unit_direction.abs() < 1e-300).select(1e-300, unit_direction).inverse();
-  const Eigen::Array3d facing = exits.outwards * unit_direction;
+  const Eigen::Vector3d facing = exits.outwards * unit_direction;
   double max_distance = exits.max_distance;
   // Where the ray enters a node's box, or infinity where it doesn't, or no triangle faces it there.
   const auto entry = [&](const Node& node) {
@@ -176,7 +179,7 @@ PointOnTriangle AabbTree::first_exit(const Eigen::Vector3d& from, const Eigen::V
       begin = std::max(begin, std::min(low[k], high[k]));
       end = std::min(end, std::max(low[k], high[k]));
     }
-    return begin <= end ? begin : std::numeric_limits<double>::infinity();
+    return begin <= end && node.may_face(facing) ? begin : std::numeric_limits<double>::infinity();
   };
   std::array<std::pair<double, int>, kMaxDepth> open;
   size_t count = 0;
@@ -203,14 +206,14 @@ PointOnTriangle AabbTree::first_exit(const Eigen::Vector3d& from, const Eigen::V
     }
     for (int i = node.begin; i < node.end; ++i) {
       const int j = order_[size_t(i)];
-      if (!(normals_.row(j).dot(facing.matrix()) > 0) || !accept(j)) continue;
+      if (!(normals_.row(j).dot(facing) > 0) || !accept(j)) continue;
       const Eigen::Vector3d a = mesh_.positions.row(mesh_.triangles(j, 0)),
                             ab = mesh_.positions.row(mesh_.triangles(j, 1)).transpose() - a,
                             ac = mesh_.positions.row(mesh_.triangles(j, 2)).transpose() - a;
       const Eigen::Vector3d normal = ab.cross(ac), at = from - a,
                             turned = exits.outwards * at.cross(unit_direction.matrix());
       // v and w are barycentric coordinates times the volume.
-      const double volume = normal.dot(facing.matrix()), v = -ac.dot(turned), w = ab.dot(turned);
+      const double volume = normal.dot(facing), v = -ac.dot(turned), w = ab.dot(turned);
       const double slack = kBarycentricSlack * volume;
       if (!(volume > 0 && v >= -slack && w >= -slack && v + w <= volume + slack)) continue;
       const double distance = -exits.outwards * normal.dot(at) / volume;

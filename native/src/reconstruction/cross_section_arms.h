@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <Eigen/Geometry>
+#include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "reconstruction/factored_surface.h"
@@ -22,22 +23,30 @@ class CrossSectionArms {
   }
   bool empty() const { return arms_.rows() == 0; }
 
-  /// Sets R. quaternions: by active index, of any length.
+  /// Sets R. quaternions q: by active index, of any length. R r − r = 2 (w (v × r) + v × (v × r)) /
+  /// |q|², with v and w the parts of q; without a rotation, q = 0, that is 0.
   template <class Real>
   void turn(const Real* quaternions) {
     surface_.poisson->pool().parallel_for(
         arms_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
           for (int64_t i = begin; i < end; ++i) {
             if (row(i) >= surface_.order().fixed_begin) continue;  // those don't move
-            const Eigen::Quaterniond q(
-                Eigen::Map<const Eigen::Quaternion<Real>>(quaternions + 4 * i)
-                    .template cast<double>()
-                    .normalized());
-            const Eigen::Vector3d arm = arms_.row(i).transpose();
-            displacements_.row(i).template head<3>() = (q * arm - arm).transpose();
+            const Real* const q = quaternions + 4 * i;
+            const double* const r = arms_.data() + 3 * i;
+            double* const displacement = displacements_.data() + 4 * i;
+            const double x = q[0], y = q[1], z = q[2], w = q[3];
+            const double square = x * x + y * y + z * z + w * w;
+            const double scale = 2 / std::max(square, std::numeric_limits<double>::min());
+            const double cx = y * r[2] - z * r[1], cy = z * r[0] - x * r[2],
+                         cz = x * r[1] - y * r[0];
+            displacement[0] = scale * (w * cx + y * cz - z * cy);
+            displacement[1] = scale * (w * cy + z * cx - x * cz);
+            displacement[2] = scale * (w * cz + x * cy - y * cx);
           }
         });
   }
+  /// R r − r: rows by active index.
+  const Rows& displacements() const { return displacements_; }
   /// Takes the arms as they are turned for those of a pose, from which before() is; or not.
   void take_pose() {
     posed_ = arms_;
@@ -45,7 +54,9 @@ class CrossSectionArms {
   }
   void leave_pose() { posed_.resize(0, 3); }
 
-  /// The arm of an active vertex at rest or in the pose.
+  /// The arm r of an active vertex.
+  Eigen::Vector3d at_rest(Index i) const { return arms_.row(i).transpose(); }
+  /// The same in the pose, if one was taken.
   Eigen::Vector3d before(Index i) const {
     return (posed_.rows() > 0 ? posed_.row(i) : arms_.row(i)).transpose();
   }

@@ -25,31 +25,40 @@ class CrossSectionMeans {
     means_.close();
   }
 
+  /// Before run(), of each pose. Where the surface turns far, means are taken of the rotations
+  /// relative to the gauge, as rotations a turn apart have no mean.
+  void take_gauge(const Turning& turning) {
+    gauge_.clear();
+    if (!turning.gauge || turning.gauge_weight == 0) return;
+    gauge_.resize(4 * size_t(surface_.poisson->active_vertex_count()));
+    each([&](int i, Map q) { q = gauge(turning, i); }, gauge_);
+  }
+
   /// rotations: rows of 4 by active index, padded to blocks; replaced by their means in the
-  /// proportion of solidity. Where they turn far, means are taken of the rotations relative to the
-  /// gauge, as rotations a turn apart have no mean.
-  void run(double solidity, const Turning& turning, std::vector<Real>& rotations) {
-    const bool relative = turning.gauge && turning.gauge_weight > 0;
+  /// proportion of solidity.
+  void run(double solidity, std::vector<Real>& rotations) {
+    const bool relative = !gauge_.empty();
     now_ = rotations;
     next_.resize(now_.size());
-    if (relative) each([&](int i, Map q) { q = q * gauge(turning, i).conjugate(); }, now_);
+    if (relative) each([&](int i, Map q) { q = q * of_gauge(i).conjugate(); }, now_);
     for (int round = 0; round < kCrossSectionRounds; ++round) {
       means_.run(now_, next_, surface_.poisson->pool());
       now_.swap(next_);
     }
     each(
         [&](int i, Map mean) {
-          if (relative) mean = mean * gauge(turning, i);
+          if (relative) mean = mean * of_gauge(i);
           Map q(&rotations[4 * size_t(i)]);
           const Real sign = q.dot(mean) < 0 ? Real(-1) : Real(1);
           q.coeffs() += Real(solidity) * (sign * mean.coeffs() - q.coeffs());
-          q.normalize();
+          if (solidity < 1) q.normalize();
         },
         now_);
   }
 
   double bytes() const {
-    return means_.bytes() + static_cast<double>((now_.size() + next_.size()) * sizeof(Real));
+    return means_.bytes() +
+           static_cast<double>((gauge_.size() + now_.size() + next_.size()) * sizeof(Real));
   }
 
  private:
@@ -65,6 +74,7 @@ class CrossSectionMeans {
         });
   }
 
+  Quaternion of_gauge(int i) const { return Eigen::Map<const Quaternion>(&gauge_[4 * size_t(i)]); }
   /// The gauge, in the proportion of its weight; as long as that is below 1, it turns by less than
   /// 135°.
   Quaternion gauge(const Turning& turning, int i) const {
@@ -78,7 +88,7 @@ class CrossSectionMeans {
 
   const FactoredSurface& surface_;
   RotationMeans<Real> means_;
-  std::vector<Real> now_, next_;
+  std::vector<Real> gauge_, now_, next_;  // gauge_: empty if nothing turns far
 };
 
 }  // namespace dd

@@ -78,10 +78,11 @@ class SamplesOfVertices {
 /// free part, less where their depths differ by a good part of the thickness, as where only a part
 /// of one side of a limb is free.
 double evenness(double depth, double opposite_depth, double thickness) {
-  const double uneven = (std::clamp(depth, -thickness, thickness) -
-                         std::clamp(opposite_depth, -thickness, thickness)) /
-                        thickness;
-  return 1 / (1 + std::pow(uneven / kHalfUnevenness, 4));
+  const double difference = (std::clamp(depth, -thickness, thickness) -
+                             std::clamp(opposite_depth, -thickness, thickness)) /
+                            thickness;
+  const double ratio = difference / kHalfUnevenness, square = ratio * ratio;
+  return 1 / (1 + square * square);
 }
 
 /// Adds up the weights of equal indices.

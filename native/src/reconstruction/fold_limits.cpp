@@ -21,17 +21,18 @@ Eigen::Quaterniond quaternion(const Real* quaternions, int row) {
       .normalized();
 }
 
-/// Fills a lane; positions, arms: of the corners, a column each.
+/// Fills a lane; positions, arms in their pose, arms at rest: of the corners, a column each.
 template <class Real>
 void fill(ArmBlock<Real>& block, int lane, const Eigen::Matrix3d& positions,
-          const Eigen::Matrix3d& arms) {
+          const Eigen::Matrix3d& arms, const Eigen::Matrix3d& arms_at_rest) {
   const Eigen::Matrix3d centres = positions - arms;
   const Eigen::Vector3d product =
       (positions.col(1) - positions.col(0)).cross(positions.col(2) - positions.col(0));
   for (int c = 0; c < 3; ++c) {
-    for (int k = 0; k < 3; ++k) block.arm[k][c][lane] = static_cast<Real>(arms(c, k));
-    for (int k = 0; k < 2; ++k)
-      block.edge[k][c][lane] = static_cast<Real>(centres(c, k + 1) - centres(c, 0));
+    for (int k = 0; k < 2; ++k) {
+      block.arm_edge[k][c][lane] = static_cast<Real>(arms_at_rest(c, k + 1) - arms_at_rest(c, 0));
+      block.centre_edge[k][c][lane] = static_cast<Real>(centres(c, k + 1) - centres(c, 0));
+    }
     block.normal[c][lane] = static_cast<Real>(product[c] / product.squaredNorm());
   }
 }
@@ -46,7 +47,7 @@ void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms)
   if (arms.empty()) return;
   const PoissonSystem& poisson = *surface_.poisson;
   const ActiveTriangles& active = poisson.active();
-  Eigen::Matrix3d of_corners, arms_of_corners;
+  Eigen::Matrix3d of_corners, arms_of_corners, arms_at_rest;
   for (int section = 0; section < active.sections(); ++section) {
     begin_.push_back(static_cast<int>(blocks_.size()));
     int lane = 0;
@@ -59,6 +60,7 @@ void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms)
         of_corners.col(k) =
             positions.row(poisson.active_row(corner[size_t(k)])).head<3>().transpose();
         arms_of_corners.col(k) = arms.before(corner[size_t(k)]);
+        arms_at_rest.col(k) = arms.at_rest(corner[size_t(k)]);
       }
       const bool has_area = (of_corners.col(1) - of_corners.col(0))
                                 .cross(of_corners.col(2) - of_corners.col(0))
@@ -67,13 +69,14 @@ void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms)
       if (lane == 0) {
         blocks_.emplace_back();
         for (int unused = 0; unused < kLanes; ++unused) {
-          fill(blocks_.back(), unused, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+          fill(blocks_.back(), unused, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero(),
+               Eigen::Matrix3d::Zero());
           for (auto& row : blocks_.back().corner) row[unused] = 0;
         }
         triangles_.resize(kLanes * blocks_.size(), -1);
       }
       for (int k = 0; k < 3; ++k) blocks_.back().corner[k][lane] = corner[size_t(k)];
-      fill(blocks_.back(), lane, of_corners, arms_of_corners);
+      fill(blocks_.back(), lane, of_corners, arms_of_corners, arms_at_rest);
       triangles_[triangles_.size() - kLanes + size_t(lane)] = triangle;
       lane = (lane + 1) % kLanes;
     }
@@ -82,39 +85,43 @@ void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms)
 }
 
 template <class Real>
-void FoldLimits<Real>::add(const Real* quaternions, int section, double* rows) const {
+void FoldLimits<Real>::add(const Real* quaternions, const CrossSectionArms& arms, int section,
+                           double* rows) const {
   if (blocks_.empty()) return;
   constexpr int kTogether = 32;  // blocks a call of the kernel
   Real areas[kTogether * kLanes];
   const int end = begin_[size_t(section) + 1];
   for (int first = begin_[size_t(section)]; first < end; first += kTogether) {
     const int count = std::min(kTogether, end - first);
-    kernels().of<Real>().arm_areas(count, &blocks_[size_t(first)], quaternions, areas);
+    kernels().of<Real>().arm_areas(count, &blocks_[size_t(first)], quaternions,
+                                   arms.displacements().data(), areas);
     for (int i = 0; i < count * kLanes; ++i) {
       if (!(areas[i] < Real(kLeastArea))) continue;
       const int number = kLanes * first + i;
-      if (const int triangle = triangles_[size_t(number)]; triangle >= 0)
-        limit(blocks_[size_t(number / kLanes)], number % kLanes, triangle, double(areas[i]),
-              quaternions, section, rows);
+      if (triangles_[size_t(number)] >= 0)
+        limit(number, double(areas[i]), quaternions, arms, section, rows);
     }
   }
 }
 
 template <class Real>
-void FoldLimits<Real>::limit(const ArmBlock<Real>& block, int lane, int triangle, double area,
-                             const Real* quaternions, int section, double* rows) const {
+void FoldLimits<Real>::limit(int number, double area, const Real* quaternions,
+                             const CrossSectionArms& arms, int section, double* rows) const {
+  const ArmBlock<Real>& block = blocks_[size_t(number / kLanes)];
+  const int lane = number % kLanes;
+  const Eigen::Quaterniond first = quaternion(quaternions, block.corner[0][lane]);
   Eigen::Quaterniond mean(0, 0, 0, 0);
-  std::array<Eigen::Quaterniond, 3> turns;
-  for (size_t k = 0; k < 3; ++k) {
-    turns[k] = quaternion(quaternions, block.corner[k][lane]);
-    mean.coeffs() += (turns[k].dot(turns[0]) < 0 ? -1 : 1) * turns[k].coeffs();
+  for (const auto& corner : block.corner) {
+    const Eigen::Quaterniond turn = quaternion(quaternions, corner[lane]);
+    mean.coeffs() += (turn.dot(first) < 0 ? -1 : 1) * turn.coeffs();
   }
   mean.normalize();
   Eigen::Matrix3d beyond;  // R r of the corners without what R of the triangle does to r
-  for (size_t k = 0; k < 3; ++k) {
-    const Eigen::Vector3d arm(block.arm[k][0][lane], block.arm[k][1][lane], block.arm[k][2][lane]);
-    beyond.col(Index(k)) = turns[k] * arm - mean * arm;
+  for (int k = 0; k < 3; ++k) {
+    const int corner = block.corner[k][lane];
+    beyond.col(k) = arms.after(corner) - mean * arms.before(corner);
   }
+  const int triangle = triangles_[size_t(number)];
   const double factor = (1 - kLeastArea) / (1 - area);  // λ
   const auto cotangents = surface_.operators.metric.cotangents.row(triangle);
   for (int k = 0; k < 3; ++k) {

@@ -26,8 +26,8 @@ class FoldLimits {
   /// or of a pose.
   void take(const Rows& positions, const CrossSectionArms& arms);
 
-  /// As the add of PoissonSystem::solve(). quaternions: R by active index.
-  void add(const Real* quaternions, int section, double* rows) const;
+  /// As the add of PoissonSystem::solve(). quaternions: R by active index. arms: turned by it.
+  void add(const Real* quaternions, const CrossSectionArms& arms, int section, double* rows) const;
 
   double bytes() const {
     return static_cast<double>(blocks_.size() * sizeof(ArmBlock<Real>) +
@@ -35,9 +35,10 @@ class FoldLimits {
   }
 
  private:
-  /// Adds (λ − 1) div(E) of a triangle, of which the given fraction of its area would be left.
-  void limit(const ArmBlock<Real>& block, int lane, int triangle, double area,
-             const Real* quaternions, int section, double* rows) const;
+  /// Adds (λ − 1) div(E) of the triangle in a lane, of which the given fraction of its area would
+  /// be left.
+  void limit(int number, double area, const Real* quaternions, const CrossSectionArms& arms,
+             int section, double* rows) const;
 
   const FactoredSurface& surface_;
   std::vector<ArmBlock<Real>> blocks_;  // of the triangles that have an arm

@@ -2,8 +2,10 @@
 #include "reconstruction/free_lengths.h"
 
 #include <functional>
+#include <limits>
 #include <queue>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 namespace dd {
@@ -26,35 +28,45 @@ FreeLengths free_lengths(const FactoredSurface& surface) {
       neighbours[size_t(a)].push_back({b, length});
       neighbours[size_t(b)].push_back({a, length});
     }
-  // Dijkstra's algorithm; each vertex is reached twice, by two roles.
-  struct Reached {
-    int times = 0;
-    int role = 0;       // of the first time
-    double depth = 0;   // its distance
-    double length = 0;  // the sum of both distances
-    bool wants(int by) const { return times == 0 || (times == 1 && role != by); }
+  // Dijkstra's algorithm with two labels: each vertex is reached from the nearest role and from the
+  // nearest other one.
+  struct Label {
+    double distance = std::numeric_limits<double>::infinity();
+    int role = kFree;  // none, as rims have others
+    bool is_reached() const { return role != kFree; }
   };
-  std::vector<Reached> reached(static_cast<size_t>(count));
+  struct Labels {
+    Label nearest, other;
+    /// Whether that is nearer than what was known.
+    bool improve(const Label& by) {
+      Label& known = by.role == nearest.role ? nearest : other;
+      if (!(by.distance < known.distance)) return false;
+      known = by;
+      if (other.distance < nearest.distance) std::swap(nearest, other);
+      return true;
+    }
+    double of(int role) const { return role == nearest.role ? nearest.distance : other.distance; }
+  };
+  std::vector<Labels> labels(static_cast<size_t>(count));
   using Entry = std::tuple<double, int, int>;  // distance, role, index
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> front;
+  const auto reach = [&](int index, const Label& by) {
+    if (labels[size_t(index)].improve(by)) front.emplace(by.distance, by.role, index);
+  };
   for (int i = surface.order().free_count; i < count; ++i)
-    front.emplace(0.0, surface.region.role[size_t(poisson.active_vertex(i))], i);
+    reach(i, {0, surface.region.role[size_t(poisson.active_vertex(i))]});
   while (!front.empty()) {
     const auto [distance, role, index] = front.top();
     front.pop();
-    Reached& here = reached[size_t(index)];
-    if (!here.wants(role)) continue;
-    if (here.times++ == 0) here.role = role, here.depth = distance;
-    here.length += distance;
+    if (distance > labels[size_t(index)].of(role)) continue;  // a nearer way was found since
     for (const Neighbour& next : neighbours[size_t(index)])
-      if (reached[size_t(next.index)].wants(role))
-        front.emplace(distance + next.length, role, next.index);
+      reach(next.index, {distance + next.length, role});
   }
   FreeLengths found{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
   for (int i = 0; i < count; ++i) {
-    const Reached& here = reached[size_t(i)];
-    found.depths[i] = here.depth;
-    if (here.times == 2) found.lengths[i] = here.length;
+    const auto& [nearest, other] = labels[size_t(i)];
+    if (nearest.is_reached()) found.depths[i] = nearest.distance;
+    if (other.is_reached()) found.lengths[i] = nearest.distance + other.distance;
   }
   return found;
 }

@@ -73,7 +73,7 @@ class RefinementOf : public Refinement {
   Rows rotations() const override;
   void add(int section, double* rows) const override {
     flux_pass().add(vertex_rotations_.data(), section, rows);
-    limits_.add(vertex_rotations_.data(), section, rows);
+    limits_.add(vertex_rotations_.data(), arms_, section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
   double bytes() const override;
@@ -129,7 +129,7 @@ class RefinementOf : public Refinement {
   Quaternions posed_vertex_rotations_;  // the same of vertices, where there are sections
   std::unique_ptr<RotatedFluxPass<Real>> posed_pass_;
   const CrossSections* cross_sections_ = nullptr;
-  double solidity_ = 0;
+  double solidity_ = -1;                                          // below 0: not set
   std::unique_ptr<CrossSectionMeans<Real>> cross_section_means_;  // null: no sections
   CrossSectionArms arms_;
   FoldLimits<Real> limits_;
@@ -148,7 +148,6 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
     : surface_(surface),
       smoothing_length_(length),
       masses_(masses),
-      smoothing_(std::in_place, surface, length, masses),
       pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }),
       arms_(surface),
       limits_(surface) {
@@ -182,8 +181,6 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
   triangle_rotations_.assign(
       4 * (static_cast<size_t>(first_constrained) + kLanes * constrained_.size()), 0);
   vertex_rotations_.assign(4 * averages_.size(), 0);
-
-  find_rest();
 }
 
 template <class Real>
@@ -211,15 +208,16 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   if (!sections || sections->empty() || solidity == 0) sections = nullptr, solidity = 0;
   if (sections == cross_sections_ && solidity == solidity_) return;
   cross_sections_ = nullptr;
-  solidity_ = -1;  // neither of them is set if memory runs out
+  solidity_ = -1;  // not set if memory runs out
   if (sections)
     cross_section_means_ = std::make_unique<CrossSectionMeans<Real>>(surface_, *sections);
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
+  const bool had_arms = !arms_.empty();
   arms_.set(arms);
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
-  pass_.take(arms_.centres(surface_.rest));
+  if (sections || had_arms) pass_.take(arms_.centres(surface_.rest));
   leave_pose();
   find_rest();
   cross_sections_ = sections;
@@ -369,6 +367,7 @@ template <class Real>
 void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& offsets) {
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
+  if (cross_sections_) cross_section_means_->take_gauge(turning);
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const int changed_rows = iteration == 0 ? order.fixed_begin : order.free_count;
     poisson.pool().parallel_for(changed_rows, kLeastRange, [&](int64_t begin, int64_t end) {
@@ -382,7 +381,7 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
     PassSettings settings = pass_settings(iteration, iterations);
     if (cross_sections_) {
       settings.smoothing = 1;
-      cross_section_means_->run(solidity_, turning, vertex_rotations_);
+      cross_section_means_->run(solidity_, vertex_rotations_);
     }
     if (settings.smoothing > 0) smoothing_->run(vertex_rotations_.data(), settings.smoothing);
     at_rest_ = &at_rest_with(settings.smoothing);
@@ -437,7 +436,7 @@ template <class Real>
 double RefinementOf<Real>::bytes() const {
   const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + from_pose_.size() +
                        posed_rotations_.size() + posed_vertex_rotations_.size();
-  return smoothing_->bytes() + arms_.bytes() + limits_.bytes() +
+  return (smoothing_ ? smoothing_->bytes() : 0) + arms_.bytes() + limits_.bytes() +
          (cross_section_means_ ? cross_section_means_->bytes() : 0) +
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +

@@ -26,7 +26,8 @@ constexpr double kReach = 1.2;
 
 /// How much of a side at this distance counts.
 double share_at(double distance, double free_length) {
-  return 1 / (1 + std::pow(distance / (kHalfThickness * free_length), 8));
+  const double ratio = distance / (kHalfThickness * free_length), square = ratio * ratio;
+  return 1 / (1 + square * square * square * square);
 }
 
 Mesh triangles_near(const Mesh& mesh, const std::vector<int>& vertices, double distance) {

@@ -121,7 +121,7 @@ class CoarseRefinementOf : public CoarseRefinement {
     if (solidity == solidity_) return;
     if (solidity > 0 && !cross_sections_)
       cross_sections_ = cross_sections_of(*surface_, fine_, stencils_);
-    solidity_ = -1;  // it isn't set if memory runs out
+    solidity_ = -1;  // not set if memory runs out
     refinement_->set_solidity(cross_sections_.get(), solidity);
     Positions arms(0, 3);
     solidity_of_row_.resize(0);
@@ -137,8 +137,9 @@ class CoarseRefinementOf : public CoarseRefinement {
             solidity_of_row_[i] += weight * cross_sections_->shares[from];
         }
     }
+    const bool had_arms = !arms_.empty();
     arms_.set(std::move(arms));
-    pass_.take(arms_.centres(fine_.rest));
+    if (had_arms || !arms_.empty()) pass_.take(arms_.centres(fine_.rest));
     limits_.take(fine_.rest, arms_);
     rests_.clear();
     solidity_ = solidity;
@@ -148,7 +149,7 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);
-    limits_.add(rotations_.data(), section, rows);
+    limits_.add(rotations_.data(), arms_, section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
 
@@ -196,12 +197,12 @@ class CoarseRefinementOf : public CoarseRefinement {
   std::vector<Real> given_, rotations_;
   std::vector<CoarseSurface::Stencil> stencils_;   // of the fine active vertices
   std::unique_ptr<CrossSections> cross_sections_;  // of the coarse surface; null: not needed so far
-  double solidity_ = 0;
-  CrossSectionArms arms_;            // of the fine surface
-  FoldLimits<Real> limits_;          // of the fine surface
-  Eigen::VectorXd solidity_of_row_;  // of the fine surface
-  std::map<double, Rows> rests_;     // right-hand sides at rest, by last_smoothing()
-  const Rows* at_rest_ = nullptr;    // one of rests_
+  double solidity_ = -1;                           // below 0: not set
+  CrossSectionArms arms_;                          // of the fine surface
+  FoldLimits<Real> limits_;                        // of the fine surface
+  Eigen::VectorXd solidity_of_row_;                // of the fine surface
+  std::map<double, Rows> rests_;                   // right-hand sides at rest, by last_smoothing()
+  const Rows* at_rest_ = nullptr;                  // one of rests_
   // Of the current pose, rows in the coarse surface's order.
   Rows posed_, offsets_, gauge_, prescribed_rotations_;
   std::unique_ptr<RotatedFlux> prescribed_;
