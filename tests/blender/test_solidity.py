@@ -65,6 +65,8 @@ def least(ob, rest):
 @pytest.mark.parametrize('pose, solid, hollow', [(lead_down, 0.95, 0.5), (lambda ob: twist(ob, 720), 0.93, 0.5)])
 def test_a_solid_limb_keeps_its_sections_and_a_hollow_one_does_not(tentacle, pose, solid, hollow):
     rest, settings = sections(evaluated(tentacle)), tentacle.detail_deform
+    assert settings.solidity == 1  # by default
+    settings.solidity = 0
     pose(tentacle)
     before = evaluated(tentacle)
     assert least(tentacle, rest) < hollow
@@ -78,7 +80,7 @@ def test_a_solid_limb_keeps_its_sections_and_a_hollow_one_does_not(tentacle, pos
 
 
 def test_solidity_survives_a_bind_a_copy_and_a_file(tentacle, tmp_path):
-    tentacle.detail_deform.solidity = 1
+    tentacle.detail_deform.solidity = 0.75
     lead_down(tentacle)
     shown = evaluated(tentacle)
     path = str(tmp_path / 'solid.blend')
@@ -86,7 +88,7 @@ def test_solidity_survives_a_bind_a_copy_and_a_file(tentacle, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
     ob = activate(bpy.data.objects["Tentacle"])
     bpy.ops.object.detail_deform_update()
-    assert ob.detail_deform.solidity == 1
+    assert ob.detail_deform.solidity == 0.75
     assert np.abs(evaluated(ob) - shown).max() < 1e-6
 
 
@@ -94,8 +96,6 @@ def test_examples_are_solid_too(tentacle):
     """Poses by example, with the tip led beyond the example."""
     ob, settings = tentacle, tentacle.detail_deform
     lead_down(ob)
-    settings.solidity = 1
-    update()
     ob.shape_key_add(name="Basis")
     key = ob.shape_key_add(name="Down", from_mix=False)
     key.data.foreach_set('co', evaluated(ob).ravel())
@@ -121,7 +121,7 @@ def test_without_the_settings_it_needs_it_has_no_effect_and_a_reason_or_no_row(t
     setattr(settings, setting, value)
     update()
     before = evaluated(tentacle)
-    settings.solidity = 1
+    settings.solidity = 0
     update()
     assert np.array_equal(evaluated(tentacle), before)
     if why:

@@ -218,11 +218,12 @@ SETTINGS = (
     Option('solidity', float, "Solidity",
            "How far limbs keep their cross-sections, as if they were solid, where they are bent, led aside or twisted. "
            "0: the surface bends as a hollow skin. Sheets have no inside, so it changes nothing there",
-           default=0.0, limits=dict(min=0.0, max=1.0, precision=2, step=5),
+           default=1.0, limits=dict(min=0.0, max=1.0, precision=2, step=5),
            fills=Field(REFINEMENT, 'solidity', float), section='METHOD',
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
                   Need('rotation_only', (True,), methods=('TRANSFER',)),
                   Need('formulation', ('SURFACE',), methods=('TRANSFER',)),
+                  Need('steps', (1,), "In steps a surface bends as a hollow skin: set Steps to 1."),
                   Need('refine', range(1, 1001), _WITHOUT_REFINE)),
            off=0.0),
     Option('rim_smoothing', float, "Rim Smoothing",

@@ -432,7 +432,8 @@ typedef struct dd_refinement_options {
   double solidity;   /* 0 .. 1: 0 bends the surface as a hollow skin, 1 as a solid body whose limbs
                       keep their cross-sections when they are bent, led aside or twisted. Acts where
                       the surface encloses something thinner than about half of the way along it
-                      from a handle to a fixed part or another handle. By default 0 */
+                      from a handle to a fixed part or another handle. A motion in steps is that of
+                      a hollow skin. By default 1 */
 } dd_refinement_options;
 
 DD_API dd_status dd_refinement_options_init(dd_refinement_options* options, size_t size);

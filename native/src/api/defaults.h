@@ -21,6 +21,7 @@ inline dd_refinement_options refinement_defaults() {
   options.iterations = 4;
   options.rotation_smoothing = Refined{}.rotation_smoothing;
   options.rim_smoothing = 0.05;
+  options.solidity = 1;
   return options;
 }
 

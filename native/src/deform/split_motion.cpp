@@ -100,6 +100,8 @@ UpdateOptions options_of_step(const UpdateOptions& update, const std::vector<Scr
   UpdateOptions options = update;
   if (step < steps) options.output = Output::result;
   if (steps == 1) return options;
+  // A sheet that an earlier step has rolled up encloses something, and would become a limb.
+  options.of_method.refined.solidity = 0;
   options.turns.clear();
   for (const ScrewMotion& screw : screws) {
     const Eigen::Vector3d turn = screw.turn() / steps;

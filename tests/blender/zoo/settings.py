@@ -20,7 +20,7 @@ def _setting(name, value):
 KINDS.each('settings', {f"{name} {value}": _setting(name, value) for name, value in (
     ('smoothness', 1), ('smoothness', 3), ('base_metric', 'BASE'), ('metric_smoothing', 6), ('refine', 0),
     ('refine', 40), ('rotation_only', False), ('rotation_smoothing', 1), ('rim_smoothing', 0), ('rim_smoothing', 1),
-    ('levels', 5), ('solidity', 1), ('soft_border', 1), ('formulation', 'FOURTH_POINTS'),
+    ('levels', 5), ('solidity', 0), ('soft_border', 1), ('formulation', 'FOURTH_POINTS'),
     ('formulation', 'FOURTH_POINTS_UNWEIGHTED'), ('base_deformer', 'MOTIONS'), ('base_deformer', 'LINEAR'),
     ('steps', 3), ('live', False), ('preview', True))})
 
