@@ -4,11 +4,11 @@
 #include <Eigen/Dense>
 
 #include "base/base_surface.h"
-#include "base/harmonic_blend.h"
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
 #include "meshes.h"
+#include "reconstruction/harmonic_blend.h"
 #include "systems/free_block.h"
 
 using namespace dd;
@@ -439,7 +439,7 @@ TEST_CASE("a harmonic blend of many handles' values equals their harmonic weight
   std::srand(5);
   const RowMatrix values = RowMatrix::Random(count, 7);
   blend.set_values(values);
-  const RowMatrix expected = harmonic_weights(bound) * values;
+  const RowMatrix expected = harmonic_weights(bound, extension_over(bound)) * values;
   CHECK((blend.rows(0, free_count) - expected).cwiseAbs().maxCoeff() < 1e-12);
   CHECK((blend.rows(10, 20) - expected.middleRows(10, 10)).cwiseAbs().maxCoeff() < 1e-12);
 }

@@ -77,13 +77,14 @@ void FreeTurns::find_harmonic_weights() {
     const int role = bound_.region.role[neighbour];
     if (role >= 0) forces(handle, role) += value;
   });
-  for_each_harmonic_weights(bound_, [&](int first, int some, const Rows& values) {
-    each_neighbour([&](int handle, int neighbour, double value) {
-      const int row = order.row_of_vertex[neighbour];
-      if (row < order.free_count)
-        forces.row(handle).segment(first, some) += value * values.row(row).head(some);
-    });
-  });
+  for_each_harmonic_weights(
+      bound_, extension_over(bound_), [&](int first, int some, const Rows& values) {
+        each_neighbour([&](int handle, int neighbour, double value) {
+          const int row = order.row_of_vertex[neighbour];
+          if (row < order.free_count)
+            forces.row(handle).segment(first, some) += value * values.row(row).head(some);
+        });
+      });
   RowMatrix among(own, own), others(own, all);
   for (int i = 0; i < own; ++i) {
     others.row(i) = forces.row(free_handles[i]);

@@ -13,7 +13,7 @@ namespace dd {
 
 namespace {
 
-constexpr int kTermCount = 3 + 3 + 12 + 12 + 3 + 1;  // columns of handle_terms_
+constexpr int kTermCount = 12 + 12 + 3 + 1;  // columns of handle_terms_
 // Lower bound of a handle's radius, so that one of a single vertex has one: a fraction of √(area of
 // S), which unlike the diagonal of the bounding box is invariant under rotation.
 constexpr double kMinHandleRadius = 0.015;
@@ -62,16 +62,6 @@ double twist_fraction_of(const Eigen::Vector3d& turn, const Eigen::Vector3d& shi
   // Written so that veto is 1 also if sideways overflows to infinity or NaN.
   const double veto = sideways < 4 * radius ? std::max(0.5 * sideways / radius - 1, 0.0) : 1;
   return 1 - veto * std::min(1.0, 4 * angle / kPi);
-}
-
-/// exp of a rotation vector, continuous beyond 360°: the quaternion's sign is not normalized.
-Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
-  const double half = 0.5 * turn.norm();
-  Eigen::Quaterniond q;
-  q.w() = std::cos(half);
-  // Safety: below 1e-8 sin(x) / x is 1 in double precision.
-  q.vec() = (half > 1e-8 ? 0.5 * std::sin(half) / half : 0.5) * turn;
-  return q;
 }
 
 }  // namespace
@@ -123,6 +113,8 @@ void MotionBlend::set_pose(const std::vector<Affine>& motions, const std::vector
     reference_shift_ =
         motions[0].leftCols<3>() * centre(0) + motions[0].col(3) - reference_ * centre(0);
   }
+  turns_.reference = reference_;
+  turns_.vectors.resize(Index(motions.size()), 6);
   rotations_blended_ = false;
   largest_angle_ = 0;
   twist_fraction_ = 1;
@@ -139,15 +131,14 @@ void MotionBlend::set_pose(const std::vector<Affine>& motions, const std::vector
     Affine change;
     change << A - Eigen::Matrix3d::Identity(), shift;
     auto row = handle_terms_.row(Index(h));
-    row.segment<3>(0) = turn.transpose();
-    row.segment<3>(3) = rest.transpose();
+    turns_.vectors.row(Index(h)) << turn.transpose(), rest.transpose();
     for (int k = 0; k < 3; ++k) {
-      row.segment<4>(6 + 4 * k) = kept * change.row(k);
-      row.segment<4>(18 + 4 * k) = change.row(k);
+      row.segment<4>(4 * k) = kept * change.row(k);
+      row.segment<4>(12 + 4 * k) = change.row(k);
     }
     const Eigen::Vector3d moved = change.leftCols<3>() * centre(h) + change.col(3);
-    row.segment<3>(30) = centre(h).transpose();
-    row[33] = 1;
+    row.segment<3>(24) = centre(h).transpose();
+    row[27] = 1;
     twist_fraction_ *= twist_fraction_of(angles.back(), moved, radii_[h]);
     auto block = coefficients_.middleRows<4>(4 * Index(h));
     block.topLeftCorner<3, 3>() = kept * change.leftCols<3>().transpose();
@@ -166,16 +157,13 @@ void MotionBlend::blend_rotations() {
   if (rotations_blended_) return;
   const RowOrder& order = bound_.order();
   HarmonicBlend& harmonic = this->harmonic();
-  harmonic.set_values(handle_terms_.leftCols<6>());
-  const Eigen::Quaterniond first(reference_);
+  harmonic.set_values(turns_.vectors);
   if (rotations_.rows() == 0) {
     rotations_ = Rows::Zero(order.count(), 4);
     rotations_.col(3).setOnes();
   }
   const auto set_rotation = [&](int64_t row, const double* term) {
-    const Eigen::Quaterniond q = first * quaternion_by(Eigen::Map<const Eigen::Vector3d>(term)) *
-                                 quaternion_by(Eigen::Map<const Eigen::Vector3d>(term + 3));
-    rotations_.row(row) = q.coeffs().transpose();
+    rotations_.row(row) = turns_.rotation(term).coeffs().transpose();
   };
   bound_.poisson->pool().parallel_for(order.free_count, kLeastRange,
                                       [&](int64_t begin, int64_t end) {
@@ -184,7 +172,7 @@ void MotionBlend::blend_rotations() {
                                           set_rotation(r, blended.row(r - begin).data());
                                       });
   for (int r = order.free_count; r < order.fixed_begin; ++r)
-    set_rotation(r, handle_terms_.row(bound_.region.role[order.vertex_of_row[r]]).data());
+    set_rotation(r, turns_.vectors.row(bound_.region.role[order.vertex_of_row[r]]).data());
   rotations_blended_ = true;
 }
 
@@ -196,7 +184,7 @@ void MotionBlend::blend_into(const Rows& displacement, double fraction, Rows& ba
       of_base_->at_rest(), [&](int section, double* rows) { of_base_->add(section, rows); },
       solved_);
   HarmonicBlend& harmonic = this->harmonic();
-  harmonic.set_values(handle_terms_.rightCols<28>());
+  harmonic.set_values(handle_terms_);
   kept_displacement_.setZero(bound_.order().free_count, 4);
   bound_.extension.displace(coefficients_, kept_displacement_, kept_displacement_);  // Σ s W C
   const Eigen::Quaterniond first(reference_);
@@ -232,6 +220,7 @@ void MotionBlend::blend_into(const Rows& displacement, double fraction, Rows& ba
 
 Turning MotionBlend::turning(BaseDeformer deformer) {
   Turning result;
+  result.handles = &turns_;
   result.prescribed_weight = blend_fraction(deformer) * (1 - twist_fraction_);
   if (largest_angle_ <= kGaugeFrom && result.prescribed_weight == 0) return result;
   blend_rotations();

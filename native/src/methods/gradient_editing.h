@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include "base/harmonic_blend.h"
 #include "methods/method.h"
 #include "reconstruction/corner_flux.h"
+#include "reconstruction/harmonic_blend.h"
 
 namespace dd {
 

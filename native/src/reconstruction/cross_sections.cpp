@@ -118,11 +118,11 @@ CrossSections::Terms mean_over(const SectionSample& section, int own, double eve
 
 std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples) {
   const auto count = static_cast<Index>(samples.vertices.size());
-  const Positions axes = limb_axes(samples.own);
   const FreeLengths free = free_lengths(samples.own);
   const SectionRays rays(samples.surface, samples.vertices, free.lengths.maxCoeff());
   const SamplesOfVertices of_vertices(samples, rays);
   auto found = std::make_unique<CrossSections>();
+  found->axes = limb_axes(samples.own);
   found->shares.setZero(count);
   found->means.resize(size_t(count));
   Positions centres = samples.surface.mesh.positions(samples.vertices, kAllIndices);
@@ -130,7 +130,8 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
   samples.surface.poisson->pool().parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const int vertex = samples.vertices[size_t(i)];
-      const SectionSample section = rays.from(vertex, axes.row(i).transpose(), free.lengths[i]);
+      const SectionSample section =
+          rays.from(vertex, found->axes.row(i).transpose(), free.lengths[i]);
       double even = 0;
       if (const PointOnTriangle& opposite = section.points[0]; opposite.triangle >= 0)
         even = evenness(free.depths[i],
@@ -164,7 +165,7 @@ double CrossSections::bytes() const {
   size_t terms = 0;
   for (const Terms& of : means) terms += of.capacity();
   return static_cast<double>(terms * sizeof(Terms::value_type) + means.size() * sizeof(Terms)) +
-         static_cast<double>((arms.size() + shares.size()) * Index(sizeof(double)));
+         static_cast<double>((arms.size() + axes.size() + shares.size()) * Index(sizeof(double)));
 }
 
 }  // namespace dd

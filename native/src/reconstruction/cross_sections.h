@@ -36,6 +36,7 @@ struct CrossSections {
   /// another side: itself.
   std::vector<Terms> means;
   Positions arms;          ///< r
+  Positions axes;          ///< unit vectors along the limb
   Eigen::VectorXd shares;  ///< how much of its section is there, in [0, 1]
 
   /// Whether no vertex has another side.

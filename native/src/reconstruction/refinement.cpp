@@ -13,6 +13,7 @@
 #include "reconstruction/cross_section_means.h"
 #include "reconstruction/fold_limits.h"
 #include "reconstruction/gradients.h"
+#include "reconstruction/limb_twist.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
 
@@ -131,6 +132,7 @@ class RefinementOf : public Refinement {
   const CrossSections* cross_sections_ = nullptr;
   double solidity_ = -1;                                          // below 0: not set
   std::unique_ptr<CrossSectionMeans<Real>> cross_section_means_;  // null: no sections
+  std::unique_ptr<LimbTwist> limb_twist_;                         // of them
   CrossSectionArms arms_;
   FoldLimits<Real> limits_;
   Eigen::VectorXd solidity_of_row_;
@@ -211,6 +213,8 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   solidity_ = -1;  // not set if memory runs out
   if (sections)
     cross_section_means_ = std::make_unique<CrossSectionMeans<Real>>(surface_, *sections);
+  limb_twist_.reset();
+  if (sections) limb_twist_ = std::make_unique<LimbTwist>(surface_, *sections, solidity);
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
   const bool had_arms = !arms_.empty();
@@ -364,9 +368,15 @@ void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offs
 }
 
 template <class Real>
-void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& offsets) {
+void RefinementOf<Real>::iterate(int iterations, const Turning& given, Rows& offsets) {
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
+  Turning turning = given;
+  const bool even_twist = cross_sections_ && given.handles;
+  if (even_twist) {
+    limb_twist_->take(*given.handles);
+    if (given.gauge) turning.gauge = &limb_twist_->even();
+  }
   if (cross_sections_) cross_section_means_->take_gauge(turning);
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const int changed_rows = iteration == 0 ? order.fixed_begin : order.free_count;
@@ -381,6 +391,8 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& o
     PassSettings settings = pass_settings(iteration, iterations);
     if (cross_sections_) {
       settings.smoothing = 1;
+      if (even_twist && (iteration == iterations - 1 || (iteration == 0 && given.gauge)))
+        limb_twist_->run(vertex_rotations_);
       cross_section_means_->run(solidity_, vertex_rotations_);
     }
     if (settings.smoothing > 0) smoothing_->run(vertex_rotations_.data(), settings.smoothing);
@@ -438,6 +450,7 @@ double RefinementOf<Real>::bytes() const {
                        posed_rotations_.size() + posed_vertex_rotations_.size();
   return (smoothing_ ? smoothing_->bytes() : 0) + arms_.bytes() + limits_.bytes() +
          (cross_section_means_ ? cross_section_means_->bytes() : 0) +
+         (limb_twist_ ? limb_twist_->bytes() : 0) +
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +

@@ -1,12 +1,30 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Geometry>
+
 #include "reconstruction/gradient_source.h"
+#include "support/rotations.h"
 
 namespace dd {
 
+/// The rotations of the handles, to be interpolated: R_h = R_0 exp(t_h) exp(r_h), with whole turns
+/// in t_h.
+struct HandleTurns {
+  Eigen::Quaterniond reference = Eigen::Quaterniond::Identity();  ///< R_0
+  RowMatrix vectors;                                              ///< h×6: t_h, r_h
+
+  /// The rotation of interpolated vectors, six numbers. Its sign is continuous.
+  Eigen::Quaterniond rotation(const double* interpolated) const {
+    using Vector = Eigen::Map<const Eigen::Vector3d>;
+    return reference * quaternion_by(Vector(interpolated)) *
+           quaternion_by(Vector(interpolated + 3));
+  }
+};
+
 /// How far the handles turn the surface, and how refinement takes that into account.
 struct Turning {
+  const HandleTurns* handles = nullptr;  ///< null: not known, as with a base from outside
   /// Quaternions from which refined rotations take their signs: rows of 4 in the surface's order,
   /// with like signs at neighbours and within half a turn of the surface's rotations. Null: no part
   /// turns by more than half a turn.

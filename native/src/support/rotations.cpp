@@ -38,4 +38,17 @@ Eigen::Vector3d rotation_vector_near(const Eigen::AngleAxisd& shortest,
   return (shortest.angle() + 2 * kPi * whole_turns) * axis;
 }
 
+Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
+  const double half = 0.5 * turn.norm();
+  Eigen::Quaterniond q;
+  if (half > 1e-8) {
+    q.w() = std::cos(half);
+    q.vec() = 0.5 * std::sin(half) / half * turn;
+  } else {  // there cos x and sin(x) / x are 1 in double precision
+    q.w() = 1;
+    q.vec() = 0.5 * turn;
+  }
+  return q;
+}
+
 }  // namespace dd

@@ -26,6 +26,8 @@ Eigen::Matrix3d rotation_or(const Eigen::Matrix3d& A, const Eigen::Vector3d& tur
 /// angle.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
 Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn);
+/// The exponential as a quaternion, continuous beyond 360°: its sign is not normalized.
+Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn);
 
 /// Of all rotation vectors of a rotation, which differ by whole turns about its axis, the one
 /// nearest to near. shortest: the rotation, its angle in [0, π].
