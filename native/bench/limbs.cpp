@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Limbs with and without solidity: the least area of a cross-section over that at rest, the volume,
-// stretch, intersecting faces, and the times in one thread of a bind, of an update and of the first
-// one, which finds the sections; then the survey's cases.
+// stretch, intersecting faces, how far a twist is from even along the limb, and the times in one
+// thread of a bind, of an update and of the first one, which finds the sections; then the survey's
+// cases.
 //
 //   limbs [density]     1: 1,682 vertices; 5: 42,002
 #include <cstdio>
@@ -27,19 +28,22 @@ using dd::test::TaperedLimb;
 struct Motion {
   std::string name;
   Affine matrix;
+  double twist = 0;  // degrees
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
 };
 
 std::vector<Motion> motions() {
   std::vector<Motion> all;
-  for (const double degrees : {135.0, 360.0, 720.0, 1080.0})
+  for (const double degrees : {90.0, 135.0, 360.0, 720.0, 1080.0})
     all.push_back({"twisted " + std::to_string(int(degrees)),
                    TaperedLimb::twist(degrees),
+                   degrees,
                    {0, 0, radians(degrees)}});
   all.push_back({"led down", TaperedLimb::led_down()});
   for (const double degrees : {70.0, 120.0, 170.0})
     all.push_back({"bent " + std::to_string(int(degrees)),
                    TaperedLimb::bend(degrees),
+                   0,
                    {0, radians(degrees), 0}});
   return all;
 }
@@ -54,6 +58,7 @@ void measure_limb(const std::string& name, const TaperedLimb& limb, double solid
   const std::vector<char> free = free_of(limb.roles);
   dd::BindOptions one_thread;
   one_thread.threads = 1;
+  one_thread.precision = dd::Precision::single;  // the library's default
   std::optional<dd::Deformer> bound;
   const double bind = milliseconds([&] { bound.emplace(limb.mesh, limb.roles, 1, one_thread); });
   dd::Deformer& deformer = *bound;
@@ -74,9 +79,11 @@ void measure_limb(const std::string& name, const TaperedLimb& limb, double solid
       times.push_back(milliseconds(
           [&] { p = limb.mesh.positions + deformer.update(motion.matrix.data(), options); }));
     const dd::Measures found = dd::measure(limb.mesh, p, free);
-    std::printf("  %-13s section %.3f  volume %.3f  stretch %.3f  intersecting %5d  %8.2f ms\n",
+    std::printf("  %-13s section %.3f  volume %.3f  stretch %.3f  intersecting %5d  %8.2f ms",
                 motion.name.c_str(), limb.least_section(p), found.volume_ratio, found.stretch,
                 found.intersecting_triangles, dd::bench::median(times));
+    if (motion.twist > 0) std::printf("  uneven by %.3f", limb.unevenness(p, motion.twist));
+    std::printf("\n");
   }
 }
 

@@ -3,8 +3,8 @@
 
     blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_limbs.py
 
-Above Solidity 0, below 1: a tentacle whose tip is led down, the same twisted by two turns, bent by 170°, and a horn
-with relief led down. Needs a release build; takes a minute.
+Above Solidity 0, below 1: a tentacle whose tip is led down, the same twisted by 120° and by two turns, bent by 170°,
+and a horn with relief led down. Needs a release build; takes a minute.
 """
 import sys
 from math import pi, radians
@@ -22,7 +22,7 @@ import shapes  # noqa: E402
 import studio  # noqa: E402
 
 RINGS, SIDES, LENGTH = 121, 64, 4.0
-SIZE = (420, 420)
+SIZE = (360, 420)
 
 
 def limb(bottom, top, relief=0.0):
@@ -53,8 +53,10 @@ def led_down(empty):
     empty.location += Vector((0.7 * LENGTH, 0, -0.7 * LENGTH))
 
 
-def twisted(empty):
-    empty.rotation_euler.z = radians(720)
+def twisted(degrees):
+    def turn(empty):
+        empty.rotation_euler.z = radians(degrees)
+    return turn
 
 
 def bent(empty):
@@ -71,8 +73,8 @@ def main():
     studio.add_light("Key", (4, -7, 8), (0, 0, 2), 4, 900)
     studio.add_light("Fill", (-6, -5, 3), (0, 0, 2), 5, 300)
     rows = ([], [])
-    for shape, pose in ((limb(0.5, 0.06), led_down), (limb(0.5, 0.06), twisted), (limb(0.5, 0.06), bent),
-                        (limb(0.45, 0.12, 0.1), led_down)):
+    for shape, pose in ((limb(0.5, 0.06), led_down), (limb(0.5, 0.06), twisted(120)),
+                        (limb(0.5, 0.06), twisted(720)), (limb(0.5, 0.06), bent), (limb(0.45, 0.12, 0.1), led_down)):
         ob, empty = bound(shape)
         pose(empty)
         for solidity, row in enumerate(rows):

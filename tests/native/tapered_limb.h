@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <vector>
 
 #include "cases.h"
+#include "support/rotations.h"
 
 namespace dd::test {
 
@@ -44,6 +46,26 @@ struct TaperedLimb {
     for (int ring = 0; ring < rings; ++ring)
       least = std::min(least, section(p, ring) / section(mesh.positions, ring));
     return least;
+  }
+
+  /// The largest difference of a ring's turn about z from an even one along the free part, over the
+  /// whole turn.
+  double unevenness(const Positions& p, double degrees) const {
+    const auto is_free = [&](int ring) { return roles[size_t(ring) * size_t(sides)] == kFree; };
+    int first = 0, last = rings - 1;  // the rings that hold the free ones
+    while (!is_free(first + 1)) ++first;
+    while (!is_free(last - 1)) --last;
+    double farthest = 0, angle = 0;
+    for (int ring = first; ring <= last; ++ring) {
+      std::complex<double> turn = 0;
+      for (Index v = Index(ring) * sides; v < Index(ring + 1) * sides; ++v)
+        turn += std::complex<double>(p(v, 0), p(v, 1)) *
+                std::conj(std::complex<double>(mesh.positions(v, 0), mesh.positions(v, 1)));
+      angle += std::remainder(std::arg(turn) - angle, 2 * kPi);
+      const double even = radians(degrees) * (ring - first) / (last - first);
+      farthest = std::max(farthest, std::abs(angle - even));
+    }
+    return farthest / radians(degrees);
   }
 
   /// Motions of the tip: turned about the limb, led down without a turn, and bent.

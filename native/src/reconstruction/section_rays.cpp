@@ -76,9 +76,11 @@ SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double 
   const Eigen::Vector3d p = near_.positions.row(vertex).transpose();
   const int component = component_of(vertex);
   const double outwards = outwards_[size_t(component)];
-  const Eigen::Vector3d n = outwards * normals_.row(vertex).transpose().normalized();
+  // Within the plane across the limb, so that relief does not lead rays to other sections.
+  const Eigen::Vector3d normal = outwards * normals_.row(vertex).transpose();
+  const Eigen::Vector3d n = (normal - axis * axis.dot(normal)).normalized();
   if (!(n.squaredNorm() > 0.5)) return sample;
-  const Eigen::Vector3d across = n.cross(axis).normalized();
+  const Eigen::Vector3d across = n.cross(axis);
   const double sum_of_cosines = 1 + 2 * std::cos(kTilt);
   double opposite = 0;  // share at the first point
   for (size_t k = 0; k < kSectionRays; ++k) {
