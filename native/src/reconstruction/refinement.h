@@ -38,7 +38,8 @@ class RefinedFlux : public FluxSource {
 /// length that rises with the length of the arm. There the iteration needs no over-relaxation.
 class Refinement : public RefinedFlux {
  public:
-  /// Before the first find(). sections: must outlive this; null: there are none. solidity: 0, a hollow skin, to 1.
+  /// Before the first find(). sections: must outlive this; null: there are none. solidity: 0, a
+  /// hollow skin, to 1.
   virtual void set_solidity(const CrossSections* sections, double solidity) = 0;
   /// offsets: displacements of all rows; in: the start, out: the solution of the last but one
   /// iteration. The rotations stay until the next call.
