@@ -84,8 +84,8 @@ class MotionBlend {
   Eigen::Vector3d reference_shift_ = Eigen::Vector3d::Zero();
   HandleTurns turns_;
   /// What else is interpolated by the harmonic weights, a row for each handle: s (M − 1), M − 1,
-  /// the centre and 1, where M is relative to the reference and M − 1 is a 3×4 matrix, row by row. The
-  /// interpolated 1 is the sum of the weights, by which the centre is divided.
+  /// the centre and 1, where M is relative to the reference and M − 1 is a 3×4 matrix, row by row.
+  /// The interpolated 1 is the sum of the weights, by which the centre is divided.
   RowMatrix handle_terms_;
   double twist_fraction_ = 1;  // λ
   RowMatrix coefficients_;     // s C, for HandleExtension::displace()
