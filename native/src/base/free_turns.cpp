@@ -54,8 +54,9 @@ struct FreeTurns::Interpolated {
   std::vector<double> interpolated_fractions;
 };
 
-FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
-    : bound_(bound), free_(std::move(free)), energy_(bound, free_) {
+FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free,
+                     const Eigen::VectorXd& limbs)
+    : bound_(bound), free_(std::move(free)), energy_(bound, free_, limbs) {
   find_groups();
   if (!bound.outside_base()) find_harmonic_weights();
 }

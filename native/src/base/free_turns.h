@@ -20,8 +20,9 @@ class FreeTurns {
  public:
   using Affine = MotionBlend::Affine;
 
-  /// free: for each handle, whether only its pivot is placed. bound must outlive this.
-  FreeTurns(const BoundSurface& bound, std::vector<char> free);
+  /// free: for each handle, whether only its pivot is placed. limbs: as for ReducedEnergy. bound
+  /// must outlive this.
+  FreeTurns(const BoundSurface& bound, std::vector<char> free, const Eigen::VectorXd& limbs);
   const std::vector<char>& free() const { return free_; }
 
   /// motions: in the coordinates of bound.mesh; that of a free handle is replaced by the rotation

@@ -3,20 +3,15 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <functional>
-#include <limits>
-#include <queue>
 #include <utility>
 
+#include "base/rotation_clusters.h"
 #include "support/rotations.h"
 
 namespace dd {
 
 namespace {
 
-// Clusters of the free surface, each with one rotation R_k: more approximate the full energy
-// better, and make each step longer.
-constexpr int kMaxClusters = 64;
 constexpr int kMaxLocalGlobalSteps = 60;
 // A global step goes this far beyond its minimizer, which takes fewer steps.
 constexpr double kOverRelaxation = 1.5;
@@ -26,134 +21,80 @@ constexpr double kMaxConvergedChange = 1e-5;
 // matrix may be singular for a handle whose vertices lie in a plane, on a line or in one point.
 constexpr double kRegularization = 1e-9;
 
-/// The free vertex closest to the mean of all free ones, or −1 if none is free.
-int most_central(const Positions& positions, const std::vector<char>& is_free) {
-  Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
-  for (size_t v = 0; v < is_free.size(); ++v)
-    if (is_free[v]) middle += positions.row(Index(v));
-  middle /= static_cast<double>(std::max<Index>(1, std::count(is_free.begin(), is_free.end(), 1)));
-  int found = -1;
-  double nearest = std::numeric_limits<double>::infinity();
-  for (size_t v = 0; v < is_free.size(); ++v) {
-    const double distance = (positions.row(Index(v)) - middle).squaredNorm();
-    if (!is_free[v] || !(distance < nearest)) continue;
-    nearest = distance;
-    found = static_cast<int>(v);
-  }
-  return found;
-}
-
-/// Farthest-point clustering of the free vertices by shortest paths along edges (Dijkstra). The
-/// first centre is the most central vertex, so that the result doesn't depend on the vertex order.
-/// Returns each vertex' cluster, −1 for vertices that aren't free or that no centre reaches.
-std::vector<int> farthest_point_clusters(const SparseMatrix& laplacian, const Positions& positions,
-                                         const std::vector<char>& is_free, int wanted) {
-  const size_t n = is_free.size();
-  std::vector<double> distance(n, std::numeric_limits<double>::infinity());
-  std::vector<int> cluster(n, -1);
-  using Front = std::pair<double, int>;
-  std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
-  for (int index = 0; index < wanted; ++index) {
-    int centre = index == 0 ? most_central(positions, is_free) : -1;
-    for (size_t v = 0; v < n && index > 0; ++v)
-      if (is_free[v] && (centre < 0 || distance[v] > distance[centre]))
-        centre = static_cast<int>(v);
-    if (centre < 0 || distance[centre] == 0) break;
-    front.emplace(0, centre);
-    distance[centre] = 0;
-    cluster[centre] = index;
-    while (!front.empty()) {
-      const auto [so_far, v] = front.top();
-      front.pop();
-      if (so_far > distance[v]) continue;
-      for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it) {
-        const Index next = it.row();
-        const double there = so_far + (positions.row(next) - positions.row(v)).norm();
-        if (!is_free[next] || !(there < distance[next])) continue;
-        distance[next] = there;
-        cluster[next] = index;
-        front.emplace(there, static_cast<int>(next));
-      }
-    }
-  }
-  return cluster;
-}
-
 }  // namespace
 
-ReducedEnergy::ReducedEnergy(const BoundSurface& bound, std::vector<char> free)
+ReducedEnergy::ReducedEnergy(const BoundSurface& bound, std::vector<char> free,
+                             const Eigen::VectorXd& limbs)
     : bound_(bound), free_(std::move(free)) {
   for (size_t h = 0; h < free_.size(); ++h)
     if (free_[h]) free_handles_.push_back(static_cast<int>(h));
-  const std::vector<int> cluster = cluster_triangles();
   RowMatrix space;
   const RowMatrix& basis_functions = bound.extension.basis_functions(space);
-  gather_covariances(cluster, basis_functions);
+  if (limbs.size() > 0)
+    gather_spokes(limbs, basis_functions);
+  else
+    gather_triangles(basis_functions);
   if (!bound.outside_base()) gather_energy_rows(basis_functions);
 }
 
-std::vector<int> ReducedEnergy::cluster_triangles() {
-  const Mesh& mesh = bound_.mesh;
+void ReducedEnergy::gather_triangles(const RowMatrix& basis_functions) {
   const Triangles& t = bound_.operators.triangles;
-  const Region& region = bound_.region;
-  std::vector<int> own(free_.size(), -1);
-  for (size_t i = 0; i < free_handles_.size(); ++i) own[free_handles_[i]] = static_cast<int>(i);
-  std::vector<char> is_free(size_t(mesh.vertex_count()), 0);
-  for (int v = 0; v < mesh.vertex_count(); ++v) is_free[v] = region.role[v] == kFree;
-  std::vector<int> vertex_cluster;
-  if (!bound_.outside_base())
-    vertex_cluster =
-        farthest_point_clusters(bound_.operators.laplacian, mesh.positions, is_free, kMaxClusters);
-  cluster_count_ = static_cast<int>(free_handles_.size());
-  std::vector<int> cluster(size_t(mesh.triangle_count()), -1);
-  for (int j = 0; j < mesh.triangle_count(); ++j) {
-    int found = -1;
-    for (int k = 0; k < 3; ++k) {
-      const int v = t(j, k), role = region.role[v];
-      if (role >= 0 && own[role] >= 0) {
-        found = own[role];
-        break;
-      }
-      if (found < 0 && !vertex_cluster.empty() && vertex_cluster[v] >= 0)
-        found = static_cast<int>(free_handles_.size()) + vertex_cluster[v];
-    }
-    cluster[j] = found;
-    cluster_count_ = std::max(cluster_count_, found + 1);
-  }
-  return cluster;
+  const RotationClusters clusters = triangle_clusters(bound_, free_handles_);
+  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, t);
+  std::vector<std::vector<int>> triangles(size_t(clusters.count));
+  for (size_t j = 0; j < clusters.of.size(); ++j)
+    if (clusters.of[j] >= 0) triangles[clusters.of[j]].push_back(static_cast<int>(j));
+  gather_covariances(clusters.count, bound_.base, basis_functions, [&](int k, const auto& add) {
+    for (int j : triangles[k])
+      for (int c = 0; c < 3; ++c) add(t(j, c), flux.row(3 * Index(j) + c));
+  });
 }
 
-void ReducedEnergy::gather_covariances(const std::vector<int>& cluster,
-                                       const RowMatrix& basis_functions) {
+void ReducedEnergy::gather_spokes(const Eigen::VectorXd& limbs, const RowMatrix& basis_functions) {
+  const RotationClusters clusters = vertex_clusters(bound_, free_handles_, limbs);
+  const Positions& rest = bound_.base;
+  std::vector<std::vector<int>> vertices(size_t(clusters.count));
+  for (size_t v = 0; v < clusters.of.size(); ++v)
+    if (clusters.of[v] >= 0) vertices[clusters.of[v]].push_back(static_cast<int>(v));
+  gather_covariances(clusters.count, rest, basis_functions, [&](int k, const auto& add) {
+    for (int v : vertices[k])
+      for (SparseMatrix::InnerIterator it(bound_.operators.laplacian, v); it; ++it) {
+        const int other = static_cast<int>(it.row());
+        if (other == v) continue;
+        // Both ends have a half of an edge, unless one of them has no rotation of its own.
+        const double weight = (clusters.of[other] < 0 ? -1 : -0.5) * it.value();
+        const Eigen::RowVector3d edge = weight * (rest.row(v) - rest.row(other));
+        add(v, edge);
+        add(other, -edge);
+      }
+  });
+}
+
+template <class Flux>
+void ReducedEnergy::gather_covariances(int count, const Positions& rest,
+                                       const RowMatrix& basis_functions, const Flux& flux) {
+  cluster_count_ = count;
   const Mesh& mesh = bound_.mesh;
-  const Triangles& t = bound_.operators.triangles;
   const Region& region = bound_.region;
   const RowOrder& order = bound_.order();
-  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, t);
-  std::vector<std::vector<int>> triangles(static_cast<size_t>(cluster_count_));
-  for (size_t j = 0; j < cluster.size(); ++j)
-    if (cluster[j] >= 0) triangles[cluster[j]].push_back(static_cast<int>(j));
-
   const HandleCoordinates& coordinates = bound_.coordinates;
-  const Index columns = coordinates.count();
-  rest_covariance_ = RowMatrix::Zero(3 * Index(cluster_count_), 3);
+  rest_covariance_ = RowMatrix::Zero(3 * Index(count), 3);
   if (!bound_.outside_base())
-    covariance_basis_ = RowMatrix::Zero(3 * Index(cluster_count_), columns);
+    covariance_basis_ = RowMatrix::Zero(3 * Index(count), coordinates.count());
   Positions sums = Positions::Zero(mesh.vertex_count(), 3);
-  for (int k = 0; k < cluster_count_; ++k) {
+  for (int k = 0; k < count; ++k) {
     std::vector<int> touched;
-    for (int j : triangles[k])
-      for (int c = 0; c < 3; ++c) {
-        sums.row(t(j, c)) += flux.row(3 * Index(j) + c);
-        touched.push_back(t(j, c));
-      }
+    flux(k, [&](int v, const Eigen::RowVector3d& value) {
+      sums.row(v) += value;
+      touched.push_back(v);
+    });
     std::sort(touched.begin(), touched.end());
     touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
     std::vector<Corner> corners;
     for (int v : touched) {
       const Eigen::Vector3d corner_flux = sums.row(v);
       const int row = order.row_of_vertex[v], role = region.role[v];
-      rest_covariance_.middleRows<3>(3 * Index(k)) += corner_flux * bound_.base.row(v);
+      rest_covariance_.middleRows<3>(3 * Index(k)) += corner_flux * rest.row(v);
       if (k < static_cast<int>(free_handles_.size())) corners.push_back({row, corner_flux});
       sums.row(v).setZero();
       if (bound_.outside_base()) continue;

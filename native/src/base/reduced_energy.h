@@ -12,15 +12,20 @@ namespace dd {
 ///
 ///   E(A, R) = Σ_k Σ_{j∈k} A_j ‖G_j(q + W C) − G_j(q) R_kᵀ‖²
 ///
-/// with one rotation R_k for each cluster k of triangles: one around each free handle, and up to 64
-/// of the free surface. A step of the minimization costs the clusters' rotations and products with
-/// small matrices, independent of the mesh's size.
+/// with one rotation R_k for each cluster k of triangles, see RotationClusters. A step of the
+/// minimization costs the clusters' rotations and products with small matrices, independent of the
+/// mesh's size.
+///
+/// Where limbs are solid, clusters are of vertices, sections of limbs among them, and the energy is
+/// a sum over their edges (i, j) with the weights of L, ½ w_ij ‖(q_i − q_j)' − R_k (q_i − q_j)‖²,
+/// which on a symmetric limb is symmetric, however its faces are divided into triangles.
 class ReducedEnergy {
  public:
   using Affine = Eigen::Matrix<double, 3, 4>;
 
-  /// free: for each handle, whether its linear part is an unknown. bound must outlive this.
-  ReducedEnergy(const BoundSurface& bound, std::vector<char> free);
+  /// free: for each handle, whether its linear part is an unknown. limbs: how solid the surface is
+  /// at each vertex, 0 to 1; empty: it isn't. bound must outlive this.
+  ReducedEnergy(const BoundSurface& bound, std::vector<char> free, const Eigen::VectorXd& limbs);
 
   /// The handles that are free; the order of what the functions below return.
   const std::vector<int>& free_handles() const { return free_handles_; }
@@ -40,9 +45,13 @@ class ReducedEnergy {
 
  private:
   struct Problem;
-  /// The cluster of each triangle, those around free handles first, −1: none. Sets cluster_count_.
-  std::vector<int> cluster_triangles();
-  void gather_covariances(const std::vector<int>& cluster, const RowMatrix& basis_functions);
+  void gather_triangles(const RowMatrix& basis_functions);
+  void gather_spokes(const Eigen::VectorXd& limbs, const RowMatrix& basis_functions);
+  /// rest: q of all vertices. flux(k, add): calls add(vertex, flux) for cluster k, any number of
+  /// times for each vertex.
+  template <class Flux>
+  void gather_covariances(int count, const Positions& rest, const RowMatrix& basis_functions,
+                          const Flux& flux);
   void gather_energy_rows(const RowMatrix& basis_functions);
   Problem set_up(const std::vector<Affine>& motions, const Positions& pivots) const;
   void assemble(const std::vector<Eigen::Matrix3d>& initial, Problem& problem) const;

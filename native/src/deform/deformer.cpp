@@ -213,7 +213,7 @@ void Deformer::rotate_free_handles(const UpdateOptions& options, std::vector<dou
       motions[h].leftCols<3>().setIdentity();
     }
   } else {
-    find_free_rotations(free, pivots, motions, turns);
+    find_free_rotations(options, pivots, motions, turns);
   }
   for (int h = 0; h < region_.handle_count; ++h) {
     if (!free[h]) continue;
@@ -225,11 +225,16 @@ void Deformer::rotate_free_handles(const UpdateOptions& options, std::vector<dou
   }
 }
 
-void Deformer::find_free_rotations(const std::vector<char>& free, const Positions& pivots,
+void Deformer::find_free_rotations(const UpdateOptions& options, const Positions& pivots,
                                    std::vector<MotionBlend::Affine>& motions,
                                    std::vector<double>& turns) {
-  if (!free_turns_ || free_turns_->free() != free)
-    free_turns_ = std::make_unique<FreeTurns>(*bound_, free);
+  Method& by = method(options.method, options.of_method.progress);
+  const bool solid = !outside_base() && by.is_solid(options.of_method);
+  if (!free_turns_ || free_turns_->free() != options.free || free_turns_solid_ != solid) {
+    free_turns_ = std::make_unique<FreeTurns>(
+        *bound_, options.free, solid ? by.limbs(options.of_method) : Eigen::VectorXd());
+    free_turns_solid_ = solid;
+  }
   if (outside_base())
     free_turns_->follow(base_, motions, pivots);
   else

@@ -99,7 +99,7 @@ class Deformer {
   /// Finds the rotations of free handles and sets their motions and turns.
   void rotate_free_handles(const UpdateOptions& options, std::vector<double>& turns);
   /// The same for motions in the unit box.
-  void find_free_rotations(const std::vector<char>& free, const Positions& pivots,
+  void find_free_rotations(const UpdateOptions& options, const Positions& pivots,
                            std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns);
   /// The motions of the handles' matrices, in the unit box.
   std::vector<MotionBlend::Affine> motions() const;
@@ -132,7 +132,8 @@ class Deformer {
   // Made on first use:
   std::unique_ptr<MotionBlend> motions_;
   std::unique_ptr<FreeTurns> free_turns_;
-  Rows base_, moved_;  // B' and the displacement, in BoundSurface::order(), unit box
+  bool free_turns_solid_ = false;  // whether they know of limbs
+  Rows base_, moved_;              // B' and the displacement, in BoundSurface::order(), unit box
   std::unique_ptr<CarriedComponents> carried_;  // null: there are none
   Positions offsets_;
 };

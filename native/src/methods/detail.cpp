@@ -6,9 +6,21 @@ namespace dd {
 Detail::Detail(BoundSurface& bound)
     : gradients_(make_base_gradients(bound, bound.base)), reconstruction_(bound, &bound.base) {}
 
+namespace {
+
+bool may_refine(const MethodOptions& options) {
+  return options.rotation_only && options.formulation == Formulation::surface;
+}
+
+}  // namespace
+
+bool Detail::is_solid(const MethodOptions& options) const {
+  return may_refine(options) && options.refined.iterations > 0 && options.refined.solidity > 0;
+}
+
 void Detail::update(const Frame& frame, const MethodOptions& options) {
   const BasePose pose{frame.base, frame.linear};
-  if (options.rotation_only && options.formulation == Formulation::surface) {
+  if (may_refine(options)) {
     reconstruction_.solve(*gradients_, options.refined, pose, frame.turning, frame.offsets);
     return;
   }

@@ -16,6 +16,10 @@ class Detail : public Method {
   explicit Detail(BoundSurface& bound);
   void update(const Frame& frame, const MethodOptions& options) override;
   MethodFindings findings() const override;
+  bool is_solid(const MethodOptions& options) const override;
+  Eigen::VectorXd limbs(const MethodOptions& options) override {
+    return reconstruction_.limbs(options.refined);
+  }
   double bytes() const override;
 
  private:

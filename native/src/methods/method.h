@@ -66,6 +66,10 @@ class Method {
   virtual ~Method() = default;
   /// Sets the free rows of frame.offsets; also those of handles whose vertices it lets move freely.
   virtual void update(const Frame& frame, const MethodOptions& options) = 0;
+  /// Whether limbs of the surface are solid with these options, and if so how far each vertex is
+  /// part of one, 0 to 1; empty: none is.
+  virtual bool is_solid(const MethodOptions&) const { return false; }
+  virtual Eigen::VectorXd limbs(const MethodOptions&) { return {}; }
   /// Throws Error(numeric) if the last update failed and left none.
   virtual MethodFindings findings() const { return {}; }
   virtual double bytes() const = 0;

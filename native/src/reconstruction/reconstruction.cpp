@@ -125,6 +125,16 @@ void Reconstruction::mix(const Rows& unrefined, double weight, const Eigen::Vect
                      (weight + solidity[r] * (1 - weight)) * (offsets.row(r) - unrefined.row(r));
 }
 
+Eigen::VectorXd Reconstruction::limbs(const Refined& refined) {
+  prepare(refined, true);
+  const Eigen::VectorXd& solidity = refinement_of(refined.solidity).solidity();
+  if (solidity.size() == 0) return {};
+  Eigen::VectorXd found = Eigen::VectorXd::Zero(surface_.mesh.vertex_count());
+  for (Index row = 0; row < solidity.size(); ++row)
+    found[surface_.order().vertex_of_row[size_t(row)]] = solidity[row] / refined.solidity;
+  return found;
+}
+
 void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
   ClampedPoisson* const clamps = prepare(refined, true);
   refinement_of(refined.solidity);

@@ -54,6 +54,10 @@ class Reconstruction {
   /// Only where no base was given, since with one the refinement may be on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
 
+  /// How far each vertex is part of a limb, 0 to 1: see CrossSections. Empty: none is. refined: with
+  /// iterations and solidity.
+  Eigen::VectorXd limbs(const Refined& refined);
+
   /// Vertices of the coarse surface of the last refinement; 0: it was on the surface itself.
   int coarse_vertex_count() const {
     return coarse_refinement_ ? coarse_refinement_->vertex_count() : 0;
