@@ -54,8 +54,8 @@ class Reconstruction {
   /// Only where no base was given, since with one the refinement may be on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
 
-  /// How far each vertex is part of a limb, 0 to 1: see CrossSections. Empty: none is. refined: with
-  /// iterations and solidity.
+  /// How far each vertex is part of a limb, 0 to 1: see CrossSections. Empty: none is. refined:
+  /// with iterations and solidity.
   Eigen::VectorXd limbs(const Refined& refined);
 
   /// Vertices of the coarse surface of the last refinement; 0: it was on the surface itself.
