@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_empty, add_handle, bind, evaluated, group, update
+from conftest import activate, add_empty, add_handle, bind, evaluated, group, own, update
 
 RINGS, SIDES, LENGTH = 60, 28, 4.0
 
@@ -41,6 +41,12 @@ def sections(positions):
     rings = positions[:RINGS * SIDES].reshape(RINGS, SIDES, 3)
     arms = rings - rings.mean(axis=1, keepdims=True)
     return np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=1)).sum(axis=1), axis=1) / 2
+
+
+def turns(ob):
+    """The rings' turns about z, continuous from the first one."""
+    rest, now = (p[:RINGS * SIDES, :2].reshape(RINGS, SIDES, 2) @ (1, 1j) for p in (own(ob), evaluated(ob)))
+    return np.unwrap(np.angle((now * rest.conj()).sum(axis=1)))
 
 
 @pytest.fixture
@@ -77,6 +83,18 @@ def test_a_solid_limb_keeps_its_sections_and_a_hollow_one_does_not(tentacle, pos
     settings.solidity = 0
     update()
     assert np.array_equal(evaluated(tentacle), before)
+
+
+@pytest.mark.parametrize('degrees', [90, 720])
+def test_a_tapered_limb_is_twisted_evenly_along_its_length(tentacle, degrees):
+    twist(tentacle, degrees)
+    z = np.arange(RINGS) / (RINGS - 1)
+    first, last = np.flatnonzero(z <= 0.1)[-1], np.flatnonzero(z > 0.9)[0]  # rings that hold the free ones
+    even = np.interp(np.arange(RINGS), (first, last), (0, math.radians(degrees)))
+    assert np.abs(turns(tentacle) - even).max() < 0.04 * math.radians(degrees)
+    tentacle.detail_deform.solidity = 0
+    update()
+    assert np.abs(turns(tentacle) - even).max() > 0.15 * math.radians(degrees)
 
 
 def test_solidity_survives_a_bind_a_copy_and_a_file(tentacle, tmp_path):
