@@ -227,7 +227,7 @@ def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
     ob = make_strip(120)  # large enough for each stage to be seen by the loop below
     part('follow.binding').bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     cache, stages = part('follow.handle_follower').cache, set()
-    while cache.is_running(ob.detail_deform.signature):
+    while cache.poll(ob.detail_deform.signature):
         stages.add(cache.under_way(ob.detail_deform.signature).progress()[2])
     assert "preparing the first update" in stages
     part('follow.lifecycle')._poll()
@@ -247,7 +247,7 @@ def test_a_bind_can_be_cancelled_in_either_half(part, as_in_a_window, when):
     while when and cache.under_way(content).progress()[2] != when:
         pass
     binding.cancel(ob)
-    while cache.is_running(content):
+    while cache.poll(content):
         pass
     part('follow.lifecycle')._poll()
     assert not ob.detail_deform.is_bound and "ancelled" in ob.detail_deform.status, ob.detail_deform.status

@@ -170,7 +170,7 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     assert live(source="Source") == {'FINISHED'}
     bend(source)
     assert factored.count == 0
-    assert re.match(r"Preparing to follow 'Source', \d+%\.", target.detail_deform.transfer.state)
+    assert re.fullmatch(r"Preparing to follow 'Source', \d+%\.", target.detail_deform.transfer.state)
     assert np.abs(evaluated(target) - own(target)).max() == 0
     poll_until_ready(life)
     update()
@@ -186,6 +186,30 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     assert np.array_equal(evaluated(target), shown)
     poll_until_ready(life)
     assert factored.count == 2 and "Follows" in target.detail_deform.transfer.state
+
+
+@pytest.fixture
+def growing(part, monkeypatch):
+    """growing(name): progress() of jobs of this class of the library returns more digits at each call."""
+    def grow(name):
+        fractions = iter([0.01, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4])
+        monkeypatch.setattr(getattr(part('library.native'), name), 'progress',
+                            lambda job: (True, next(fractions), 'ENERGY'))
+    return grow
+
+
+def test_a_text_is_the_same_for_both_calls_of_its_getter(alike, part, as_in_a_window, growing):
+    """Blender asks for the length first and writes past the end if the text has grown in the meantime."""
+    source, target = alike
+    life = part('follow.lifecycle')
+    as_in_a_window('follow.lifecycle')
+    growing('TransferJob')
+    assert live(source="Source") == {'FINISHED'}
+    life._poll()
+    assert target.detail_deform.transfer.state == "Preparing to follow 'Source', 10%."
+    assert target.detail_deform.transfer.state == "Preparing to follow 'Source', 10%."
+    life._poll()
+    assert target.detail_deform.transfer.state == "Preparing to follow 'Source', 100%."
 
 
 def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):

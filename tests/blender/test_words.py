@@ -142,11 +142,12 @@ def test_progress_is_said_in_steps(part):
         def progress(self):
             return True, 0.41, 'POISSON'
 
-    bound.cache._jobs[ob.detail_deform.signature] = Job()
+    content = ob.detail_deform.signature
+    bound.cache._jobs[content] = Job()
     try:
-        assert ob.detail_deform.status == "Preparing (1 of 3), 41%."
+        assert bound.cache.poll(content) and ob.detail_deform.status == "Preparing (1 of 3), 41%."
     finally:
-        del bound.cache._jobs[ob.detail_deform.signature]
+        bound.cache._pop(content)
 
 
 def test_every_stage_of_a_bind_has_its_step(part):

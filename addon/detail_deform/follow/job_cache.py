@@ -32,6 +32,7 @@ class Cache:
         self._entries = {}  # by signature, like the next three
         self._jobs = {}
         self._drafts = {}  # entries with the drafts of jobs
+        self._progress = {}  # of jobs, as progress() returns it
         self._failed = {}  # native.NativeError of jobs that failed
         self._ending = []  # cancelled jobs; closing one waits until its thread has ended
         self._finishing = threading.Lock()  # a render and the window may wait for the same job
@@ -48,10 +49,18 @@ class Cache:
     def contents_under_way(self):
         return list(self._jobs)
 
-    def is_running(self, content):
-        """Whether the job is still at work."""
+    def poll(self, content):
+        """Whether the job is still at work. Takes its progress."""
         job = self._jobs.get(content)
-        return job is not None and job.progress()[0]
+        if job is None:
+            return False
+        running, *self._progress[content] = job.progress()
+        return running
+
+    def progress(self, content):
+        """(fraction, stage) of the job when it was last polled. Texts of properties are made of this, as Blender calls
+        their getters twice, for the length and for the characters, and writes past the end if they have grown."""
+        return self._progress.get(content, (1.0, 'DONE'))  # a render may have ended the job meanwhile
 
     def draft(self, content):
         """The entry with the draft of a job that is under way, or None."""
@@ -63,6 +72,10 @@ class Cache:
             self._drafts[content] = Entry(made)
         return self._drafts.get(content)
 
+    def has_draft(self, content):
+        """Whether draft() has returned an entry."""
+        return content in self._drafts
+
     def start(self, content, begin):
         """Starts the job that begin() returns, unless the entry exists or its job is under way. Raises
         native.NativeError."""
@@ -71,6 +84,7 @@ class Cache:
             return
         self.let_go(content)
         self._jobs[content] = begin()
+        self.poll(content)
 
     def finish(self, content):
         """Waits for the job and returns the new entry. If the job fails, raises native.NativeError, and again each time
@@ -115,8 +129,9 @@ class Cache:
             self._ending.append(job)
 
     def _pop(self, content):
-        """Removes the job and its draft, and returns it, or None."""
+        """Removes the job and what is kept of it, and returns it, or None."""
         self._drafts.pop(content, None)
+        self._progress.pop(content, None)
         return self._jobs.pop(content, None)
 
     def _forget_ended(self):
@@ -140,5 +155,5 @@ class Cache:
     def clear(self):
         for job in [*self._jobs.values(), *self._ending]:
             job.close()
-        for kept in (self._jobs, self._drafts, self._ending, self._entries, self._failed):
+        for kept in (self._jobs, self._drafts, self._progress, self._ending, self._entries, self._failed):
             kept.clear()

@@ -285,7 +285,7 @@ def _poll():
     """Timer: fetches and shows the results of finished jobs. Returns the seconds to the next call, None to end."""
     for kind in KINDS:
         for content in kind.cache.contents_under_way():
-            if not kind.cache.is_running(content):
+            if not kind.cache.poll(content):
                 _arrive(kind, content)
             elif kind.cache.draft(content):
                 _show_draft(kind, content)

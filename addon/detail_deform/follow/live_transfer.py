@@ -78,9 +78,8 @@ def state(ob):
     settings = ob.detail_deform.transfer
     if not settings.live:
         return settings.problem
-    job = source_follower.cache.under_way(settings.prepared_for)
-    if job:
-        _, fraction, _ = job.progress()
+    if source_follower.cache.under_way(settings.prepared_for):
+        fraction, _ = source_follower.cache.progress(settings.prepared_for)
         source = settings.source.name if settings.source else ""
         return f"Preparing to follow '{source}', {100 * fraction:.0f}%."
     if settings.problem or settings.source is None:

@@ -44,7 +44,7 @@ _REMEDIES = {
 
 
 def step(stage):
-    return f"({STEP_OF_STAGE.get(stage, 1)} of {STEPS})"
+    return f"({STEP_OF_STAGE[stage]} of {STEPS})"
 
 
 def said(ob, error):

@@ -17,6 +17,7 @@ class _Request:
     def __init__(self, work):
         self.work = work
         self.job = None
+        self.fraction = 0.0  # of the job when it was last polled
         self.pause()
 
     def pause(self):
@@ -26,7 +27,7 @@ class _Request:
         if self.job:
             self.job.cancel()
             _requests.ending.append(self.job)
-            self.job = None
+            self.job, self.fraction = None, 0.0
 
 
 class _Requests(dict):
@@ -79,20 +80,22 @@ def finish(token):
 
 
 def progress(token):
-    """The finished fraction of a request; None if there is none."""
+    """The finished fraction of a request when it was last polled (see job_cache.Cache.progress); None if there is
+    none."""
     pending = _requests.get(token)
-    if pending is None:
-        return None
-    return pending.job.progress()[1] if pending.job else 0.0
+    return pending.fraction if pending else None
 
 
 def _go_on(token, pending):
     if not pending.work.is_wanted():
         cancel(token)
-    elif pending.job is None:
+        return
+    if pending.job is None:
         if time.monotonic() >= pending.due:
             pending.job = pending.work.start(wait=False)
-    elif pending.job.progress()[0]:
+        return
+    running, pending.fraction, _ = pending.job.progress()
+    if running:
         pending.work.tell()
     elif pending.work.can_be_shown():
         del _requests[token]

@@ -70,9 +70,9 @@ def urgent(ob):
     if under_way:
         if under_way.cancelled:
             return "Cancelling."
-        _, fraction, stage = under_way.progress()
+        fraction, stage = handle_follower.cache.progress(settings.signature)
         parts = [f"Preparing {messages.step(stage)}, {100 * fraction:.0f}%."]
-        if frame_results.is_draft(ob.data) and handle_follower.cache.draft(settings.signature):
+        if frame_results.is_draft(ob.data) and handle_follower.cache.has_draft(settings.signature):
             parts.append("Meanwhile a draft follows the handles.")
         return ' '.join(parts)
     if settings.transfer.live:
