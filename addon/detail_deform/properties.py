@@ -9,6 +9,7 @@ from . import callbacks, transfer_settings
 from .declared import declare
 from .follow import status
 from .library import options
+from .scene import handle_owners
 
 AXES = [(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
         for letter in 'XYZ']
@@ -29,9 +30,10 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         description="How what this handle's reach holds falls off from the handle to the border. Of handles that share "
                     "a reach the first one's counts")
     target: PointerProperty(
-        name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type == 'EMPTY',
+        name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type in handle_owners.TYPES,
         update=callbacks.target_changed,
-        description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained")
+        description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained. Or "
+                    "a curve along which they lie: its points, their tilt and radius move those beside them")
     mirrors: StringProperty(
         name="Mirrors", update=callbacks.target_changed,
         description="Handle whose motion this one mirrors, in place of an empty of its own: for symmetric editing")
@@ -68,6 +70,8 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     pose_matrix: FloatVectorProperty(
         name="Pose Matrix", size=16, options={'HIDDEN'},
         description="How modifiers had moved the vertices when the empty was placed on them, beside its bone")
+    rest_curve: StringProperty(options={'HIDDEN'})  # handle_curves.packed() at Bind
+    home_curve: StringProperty(options={'HIDDEN'})  # the same that belongs to home_matrix
     earlier_name: StringProperty(options={'HIDDEN'})
     # Created for this handle, and removed with it.
     own_group: StringProperty(options={'HIDDEN'})

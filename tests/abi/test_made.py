@@ -49,7 +49,7 @@ def never():
 def test_content_that_is_made_or_under_way_is_not_begun_again(cache):
     job = begin(cache, 'a', makes=1)
     cache.start('a', never)
-    assert cache.contents_under_way() == ['a'] and cache.is_running('a') and cache.find('a') is None
+    assert cache.contents_under_way() == ['a'] and cache.poll('a') and cache.find('a') is None
     entry = cache.finish('a')
     cache.start('a', never)
     assert entry.made == 1 and cache.find('a') is entry and cache.finish('a') is entry

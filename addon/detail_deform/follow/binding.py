@@ -6,7 +6,7 @@ import numpy as np
 from ..library import native
 from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_motions, handle_owners,
                      handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base, proportions,
-                     renamed_groups, split, stack, start)
+                     pieces, renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
 from . import binding_content, handle_follower, hints, lifecycle, registry, roles
@@ -29,12 +29,13 @@ def bind(ob, depsgraph, wait, keep_rest):
     renamed_groups.store_names(ob)
     subject, topology = Subject(ob, depsgraph), mesh_data.topology_signature(ob.data)
     welded = split.WeldedMesh(ob, topology)
-    found = roles.of(subject, group_columns.entries, welded)
+    found = roles.of_handles(subject, group_columns.entries, welded)
     # Examples that are no poses are refused while the present binding is still there. The options of a base object are
     # of its rest, which is stored below.
     options = binding_content.options(subject) if subject.settings.base == 'COMPUTED' else None
     _store_rests(subject, found.of_all, wait, keep_rest)
     subject = Subject(ob, depsgraph)
+    found = roles.in_pieces(found, subject)  # whose curves have their rests only now
     if options is None:
         options = binding_content.options(subject)  # of the stored rest of a base object
     signature = binding_content.signature(binding_content.shape_signature(subject, topology), found, options)
@@ -65,7 +66,7 @@ def _store_rests(subject, roles_of_vertices, wait, keep_rest):
     present binding, once all is checked that can be checked without changing anything."""
     ob, settings = subject.ob, subject.settings
     poses = _poses(subject, roles_of_vertices, only_new=keep_rest)
-    transforms = handle_transforms.local_transforms(subject, poses)
+    transforms, curves = handle_transforms.local_transforms(subject, poses), pieces.present(subject)
     # The checks up to clear_binding() leave the present binding when they raise.
     if not keep_rest or subject.has_new_handle:
         handle_motions.check_rest(subject, transforms)
@@ -86,9 +87,11 @@ def _store_rests(subject, roles_of_vertices, wait, keep_rest):
     settings.proportions = proportions.of(ob).ravel().tolist()
     for number, pose in poses.items():
         handle_transforms.set_pose_matrix(subject.handles[number], pose)
-    _find_start(subject, transforms, keep_rest,
-                handle_transforms.rest_transforms(subject, transforms, roles_of_vertices))
-    handle_motions.motions(Subject(ob), transforms)  # raises if a rest is singular
+    only_new = _find_start(subject, transforms, keep_rest,
+                           handle_transforms.rest_transforms(subject, transforms, roles_of_vertices))
+    subject = Subject(ob, subject.depsgraph)
+    handle_motions.motions(subject, transforms)  # raises if a rest is singular
+    pieces.store(subject, curves, only_new, roles_of_vertices, subject.space.to(start.shape(ob)))
 
 
 def _store(ob, signature):
@@ -120,15 +123,17 @@ def _poses(subject, roles_of_vertices, only_new):
 
 
 def _find_start(subject, transforms, keep_rest, rests):
-    """Stores the start: the shape that is bound, and the transforms that the handles' motions are relative to."""
+    """Stores the start: the shape that is bound, and the transforms that the handles' motions are relative to. Returns
+    whether handles keep those that they have."""
     if subject.settings.base == 'OBJECT' or not keep_rest:
         start.forget(subject.mesh)
     if subject.settings.base == 'COMPUTED':
         start.store_key_offsets(subject.ob)
         if keep_rest and subject.has_new_handle and start.store_previous_offsets(subject.ob):
             handle_motions.make_present_rest(subject, transforms)
-            return
+            return False
     handle_rests.store_rest(subject.handles, rests, only_new=keep_rest)
+    return keep_rest
 
 
 def go_home(ob, depsgraph, wait):
@@ -182,7 +187,7 @@ def unbind(ob, keep_rest=False):
     homes = [handle_rests.home_to_store(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
     lifecycle.end(handle_follower, ob)
     for handle, kept in zip(ob.detail_deform.handles, homes):
-        handle.rest_matrix, handle.rest_euler, handle.rest_order = kept
+        handle.rest_matrix, handle.rest_euler, handle.rest_order, handle.rest_curve = kept
 
 
 def make_base_object(ob):

@@ -6,7 +6,7 @@ import numpy as np
 from ..library import native
 from ..library.options import BIND, arguments_of
 from ..library.structs import BindOptions
-from ..scene import examples, mesh_data, outside_base, split, start
+from ..scene import examples, handle_curves, mesh_data, outside_base, split, start
 from ..scene.mesh_data import MeshProblem
 from . import reaches, roles
 
@@ -102,6 +102,9 @@ def difference(subject):
         current = signature(shape, found, options(subject)).split('.', 3)
     except MeshProblem as problem:
         return str(problem)
+    for handle in subject.handles:
+        if handle_curves.has_curve(handle) and not handle.rest_curve:
+            return f"Handle '{handle.name}' has got a curve since Bind, along which its vertices lie from the next one on."
     if current[2] != bound_roles:
         return "The region, the handles or their vertex groups were changed since Bind."
     if current[3] == bound_options:

@@ -164,8 +164,8 @@ def with_free(arguments, subject):
     """The options of an update, with those for free handles if there are any."""
     if not subject.are_free.any():
         return arguments
-    pivots = subject.space.to(handle_motions.pivots(subject))
-    return arguments | {'handle_turns': subject.are_free.astype(np.int32), 'pivots': pivots}
+    pivots, of_each = subject.space.to(handle_motions.pivots(subject)), subject.pieces.of_each
+    return arguments | {'handle_turns': of_each(subject.are_free.astype(np.int32)), 'pivots': of_each(pivots)}
 
 
 def job(ob):
@@ -217,18 +217,20 @@ class Frame:
         motions = handle_motions.motions(subject, transforms)
         only_moved = handle_motions.are_translations(motions) & ~subject.are_free
         self._only_moved = [subject.handles[number].name for number in np.flatnonzero(only_moved)]
-        self._motions, self._base = subject.space.motions(motions), None
+        turns, knows_turns = np.zeros((len(motions), 3)), update_options.knows_whole_turns(of)
+        if of.base != 'OBJECT' and knows_turns:
+            turns = handle_motions.turn_vectors(subject, transforms)
+        self._motions, turns = subject.pieces.motions(subject, transforms, subject.space.motions(motions), turns)
+        self._turns, self._base = turns if knows_turns else np.zeros_like(turns), None
         self._transforms = None if of.base == 'OBJECT' else transforms[subject.own]
         arguments, self._soft_border = update_options.arguments(of), update_options.soft_border(of)
         self.key = (of.signature, self._motions.tobytes(), arguments.copy(), subject.are_free.tobytes(),
                     mirror_plane.signature(subject.ob), self._soft_border)
         self._arguments = with_free(arguments, subject)
-        self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = subject.space.to(outside_base.deformed_positions(subject.ob, subject.depsgraph))
             self.key += (self._base.tobytes(),)
-        elif update_options.knows_whole_turns(of):
-            self._turns = handle_motions.turn_vectors(subject, transforms)
+        elif knows_turns:
             self.key += (self._turns.tobytes(),)
 
     def by(self, deformer):

@@ -37,7 +37,7 @@ def _of_region(ob, found, edges):
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return
-    handles, rigid = enabled_handles(settings), []
+    handles, owner, rigid = enabled_handles(settings), found.pieces.owner, []
     for part in found.parts:
         of_part, near = _around(part, edges)
         free, fixed = of_part == native.ROLE_FREE, of_part == native.ROLE_FIXED
@@ -47,10 +47,10 @@ def _of_region(ob, found, edges):
                 yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: "
                        "enlarge it (By Radius).")
             else:
-                yield (f"The reach of handle '{handles[part.numbers[0]].name}' is a single row of vertices between "
+                yield (f"The reach of handle '{handles[owner[part.numbers[0]]].name}' is a single row of vertices between "
                        "handle and rest, which takes all of the motion: give its Reach more vertices, or none.")
         if not part.is_whole or settings.region and fixed.any():
-            rigid += [handles[part.numbers[number]].name for number in _move_as_a_whole(of_part, near)]
+            rigid += [handles[owner[part.numbers[number]]].name for number in _move_as_a_whole(of_part, near)]
     if rigid:
         names = ', '.join(f"'{name}'" for name in rigid)
         yield (f"Region or Reach hold all of the loose part that these handles are on, one each, so the part moves as "

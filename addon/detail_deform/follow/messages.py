@@ -4,6 +4,7 @@ about, by number, and what can be done), with the names of handles and examples 
 
 from ..library.native import NativeError
 from ..scene import examples
+from ..scene.pieces import Pieces
 from ..scene.subject import enabled_handles
 from ..scene.mesh_data import MeshProblem
 
@@ -61,7 +62,8 @@ def sentence(error):
 
 def _names(ob):
     settings = ob.detail_deform
-    return {'HANDLE': [f"Handle '{handle.name}'" for handle in enabled_handles(settings)],
+    handles = enabled_handles(settings)
+    return {'HANDLE': [f"Handle '{handles[number].name}'" for number in Pieces(handles).owner],
             'EXAMPLE': [f"Example '{examples.title(example)}'" for example in examples.enabled(settings)]}
 
 

@@ -7,20 +7,21 @@ import numpy as np
 
 from ..library import native
 from ..library.options import FALLOFF_ORDERS
-from ..scene import loose, mesh_data, split
+from ..scene import loose, mesh_data, split, start
 from ..scene.mesh_data import MeshProblem
 
 
 class Roles(NamedTuple):
-    of_all: Any  # (n,) int32: index of a handle, ROLE_FREE if free in any part, or ROLE_FIXED
+    of_all: Any  # (n,) int32: index of a piece of a handle, ROLE_FREE if free in any part, or ROLE_FIXED
     parts: list  # of ReachRoles
+    pieces: Any  # the handles' pieces.Pieces
 
 
 class ReachRoles(NamedTuple):
     """The handles of one reach, and the roles of vertices for these."""
-    numbers: Any  # (k,) indices of the handles among all
+    numbers: Any  # (k,) indices of the handles' pieces among all
     vertices: Any  # (m,) those that aren't fixed, ascending; None: all vertices, if the handles have no reach
-    roles: Any  # (m,) int32, or (n,): handles are counted from 0
+    roles: Any  # (m,) int32, or (n,): pieces are counted from 0
     smoothness: int = 0  # the order of the part's base energy; 0: the object's
 
     @property
@@ -32,13 +33,34 @@ class ReachRoles(NamedTuple):
 def of(subject, entries=None, welded=None):
     """The subject's Roles. entries: the function that reads groups, as for mesh_data.roles. welded: the object's
     split.WeldedMesh, if the caller has one. Raises MeshProblem naming the group or handle."""
+    return in_pieces(of_handles(subject, entries, welded), subject)
+
+
+def in_pieces(found, subject):
+    """The Roles with the subject's pieces in place of handles. found: of of_handles()."""
+    pieces = subject.pieces
+    if not pieces.rests:
+        return found._replace(pieces=pieces)
+    of_all = pieces.of_vertices(found.of_all, subject, subject.space.to(start.shape(subject.ob)))
+    parts = []
+    for part in found.parts:
+        numbers, of_part = pieces.of_handles(part.numbers), part.roles.copy()
+        held = of_part >= 0
+        own = of_all if part.is_whole else of_all[part.vertices]
+        of_part[held] = np.searchsorted(numbers, own[held])
+        parts.append(part._replace(numbers=numbers, roles=of_part))
+    return Roles(of_all, parts, pieces)
+
+
+def of_handles(subject, entries=None, welded=None):
+    """As of(), of handles, which aren't divided into pieces."""
     welded = welded or split.WeldedMesh(subject.ob)
     subject.check_groups()
     names = subject.reaches
     of_all = mesh_data.roles(subject.ob, subject.region, subject.groups, subject.settings.base == 'COMPUTED', entries)
     if not any(names):
         of_all = welded.roles(of_all)
-        return Roles(of_all, [ReachRoles(np.arange(len(names)), None, of_all)])
+        return Roles(of_all, [ReachRoles(np.arange(len(names)), None, of_all)], None)
     reaches, inside = _in_order(subject, entries)
     part_of = np.array([reaches.index(name) for name in names])[np.maximum(of_all, 0)]
     parts, moves, edges = [], np.zeros(len(of_all), bool), welded.representatives(mesh_data.edges(subject.mesh))
@@ -53,7 +75,7 @@ def of(subject, entries=None, welded=None):
         of_part[held] = np.searchsorted(numbers, of_all[held])
         parts.append(_part(numbers, welded.roles(of_part), edges, name and subject.handles[numbers[0]]))
     of_all = np.where(of_all >= 0, of_all, np.where(moves, native.ROLE_FREE, native.ROLE_FIXED)).astype(np.int32)
-    return Roles(welded.roles(of_all), parts)
+    return Roles(welded.roles(of_all), parts, None)
 
 
 def _in_order(subject, entries):

@@ -5,7 +5,7 @@ import bpy
 
 from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, examples, offset_attribute, posers,
                      proportions, stack)
-from ..scene.subject import enabled_handles
+from ..scene.subject import Subject, enabled_handles
 from . import frame_results, handle_follower, hints, messages, slow_results, update_options
 
 
@@ -173,8 +173,10 @@ def _remarks(ob, info):
             and not enabled_handles(settings)[0].reach):
         yield ("The only handle takes the whole mesh along, because nothing holds it: make a region (By Radius), or "
                "add a handle that stays.")
-    if info.idle_handle_count:
-        idle = enabled_handles(settings)[info.idle_handle_example]
+    subject = Subject(ob)
+    # A curve may have stations within its vertices, beside which nothing is free.
+    if info.idle_handle_count and not subject.pieces.rests:
+        idle = subject.handles[subject.pieces.owner[info.idle_handle_example]]
         idle_ones = f"{_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle.name}')"
         if idle.reach:
             yield (f"Nothing follows {idle_ones}: no vertex of its reach is beside it. Give its Reach more vertices, "

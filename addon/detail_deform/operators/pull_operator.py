@@ -2,7 +2,7 @@
 """Pull: without interaction from scripts; in the window with a choice of the radius, then Move on the new empty."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from .. import session
 from ..follow import messages
@@ -183,6 +183,31 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         return result
 
 
+class OBJECT_OT_detail_deform_pull_curve(PullOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_pull_curve'
+    bl_label = "Pull by Curve with Detail Deform"
+    bl_description = ("A curve along the selected vertices, such as an edge loop, a strip or a whole limb, becomes their "
+                      "handle, with a region around it: move, tilt and scale its points, and the surface follows")
+
+    points: IntProperty(
+        name="Points", min=2, soft_max=16, max=64, default=5, description="Control points of the curve")
+    radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
+    falloff: EnumProperty(**FALLOFF)
+
+    def run(self, context, ob):
+        _check_mode(ob)
+        pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff, curve_points=self.points)
+        for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
+            pass
+        self.radius = pull.radius
+        activate(context, pull.empty)
+        for remark in pull.remarks:
+            self.report({'WARNING'}, remark)
+        if not bpy.app.background:
+            bpy.ops.object.mode_set(mode='EDIT')
+        self.report({'INFO'}, "Move the curve's points (G), tilt them (Ctrl+T) or scale their radius (Alt+S)")
+
+
 def _check_mode(ob):
     if ob.mode != 'EDIT':
         raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
@@ -200,5 +225,5 @@ def _view(context):
     return View(area, next(region for region in area.regions if region.type == 'WINDOW'))
 
 
-CLASSES = (OBJECT_OT_detail_deform_pull,)
+CLASSES = (OBJECT_OT_detail_deform_pull, OBJECT_OT_detail_deform_pull_curve)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

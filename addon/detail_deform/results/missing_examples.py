@@ -86,8 +86,8 @@ class _ByHandles:
         subject, settings = Subject(ob), ob.detail_deform
         self._subject, self._deformer = subject, handle_follower.cache.find(settings.signature).made
         of_all = roles.of(subject).of_all
-        self._parts = [np.flatnonzero(of_all == number) for number in range(len(subject.handles))]
-        self._free, self._is_free = subject.are_free, of_all == native.ROLE_FREE
+        self._parts = [np.flatnonzero(of_all == number) for number in range(len(subject.pieces.owner))]
+        self._free, self._is_free = subject.pieces.of_each(subject.are_free), of_all == native.ROLE_FREE
         arguments = update_options.arguments(settings)
         arguments.pop('example_weights', None)
         self._update_arguments = handle_follower.with_free(update_options.quick(arguments), subject)

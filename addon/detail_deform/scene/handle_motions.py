@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import euler_angles, handle_rests, symmetric, world_transforms
+from . import euler_angles, handle_curves, handle_rests, symmetric, world_transforms
 from .mesh_data import MeshProblem
 
 
@@ -47,6 +47,9 @@ def motions(subject, transforms):
     result = _with_mirrored(subject, transforms) @ np.linalg.inv(rests)
     for number in subject.symmetric:
         handle = subject.handles[number]
+        if handle_curves.has_curve(handle):
+            raise MeshProblem(f"Handle '{handle.name}' follows a curve, which nothing keeps symmetric: clear Symmetric, and "
+                              "make the curve so.")
         if not handle.mirrors:
             result[number] = symmetric.motion(result[number], _reflections_of(handle), rests[number, :3, 3])
     return result[:, :3]
@@ -110,7 +113,8 @@ def make_present_rest(subject, transforms):
     settings = subject.settings
     for handle in settings.handles:
         if handle_rests.has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
-            handle.home_matrix, handle.home_euler, handle.home_order = handle_rests.home_to_store(handle)
+            (handle.home_matrix, handle.home_euler, handle.home_order,
+             handle.home_curve) = handle_rests.home_to_store(handle)
     for handle in settings.handles:
         source = next((h for h in settings.handles if h.name == handle.mirrors), None)
         if handle.enabled:

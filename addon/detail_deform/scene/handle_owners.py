@@ -6,6 +6,7 @@ import bpy
 
 from .. import session
 
+TYPES = {'EMPTY', 'CURVE'}  # of objects that may move a handle
 # owners: {address of an empty: name of its handle's object, or None where it moves no handle}. object_count: when they
 # were searched.
 _known = session.Values(session.Until.REPLACED, owners={}, object_count=-1)
@@ -13,7 +14,7 @@ _known = session.Values(session.Until.REPLACED, owners={}, object_count=-1)
 
 def handle_of(empty):
     """(ob, number): the mesh object and the number of the handle that this empty moves; (None, -1) if there is none."""
-    if empty is None or empty.type != 'EMPTY':
+    if empty is None or empty.type not in TYPES:
         return None, -1
     index = _index(empty.parent, empty)  # the usual owner
     if index >= 0:

@@ -8,7 +8,7 @@ from . import euler_angles
 
 # The properties of a handle that a binding sets.
 BINDING_PROPERTIES = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order',
-                      'mirror_space', 'pose_matrix')
+                      'mirror_space', 'pose_matrix', 'rest_curve', 'home_curve')
 
 
 def has_rest(handle):
@@ -35,22 +35,27 @@ def home_transform(handle):
 def home_euler(handle, order):
     """The empty's local rotation that belongs to home_transform(), as Euler angles of this order. With them an empty
     that is put back gets the whole turns, which the matrix doesn't have."""
-    _, euler, own = _stored_home(handle)
+    _, euler, own, _ = _stored_home(handle)
     return euler_angles.in_order(euler, own, order)
 
 
+def home_curve(handle):
+    """The text of the handle's curve that belongs to home_transform(); '' without one."""
+    return _stored_home(handle)[3]
+
+
 def _stored_home(handle):
-    """(flat matrix, Euler angles, their order): the home as stored."""
+    """(flat matrix, Euler angles, their order, curve): the home as stored."""
     if any(handle.home_matrix):
-        return handle.home_matrix[:], handle.home_euler[:], handle.home_order
-    return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order
+        return handle.home_matrix[:], handle.home_euler[:], handle.home_order, handle.home_curve
+    return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order, handle.rest_curve
 
 
 def home_to_store(handle):
-    """The values of home_matrix, home_euler and home_order that keep this handle's home when its rest is replaced:
-    those of _stored_home(), or a matrix of zeros for handles that have no home or mirror another."""
+    """The values of home_matrix, home_euler, home_order and home_curve that keep this handle's home when its rest is
+    replaced: those of _stored_home(), or a matrix of zeros for handles that have no home or mirror another."""
     if handle.mirrors or not has_home(handle):
-        return [0.0] * 16, (0.0, 0.0, 0.0), ''
+        return [0.0] * 16, (0.0, 0.0, 0.0), '', ''
     return _stored_home(handle)
 
 
@@ -67,6 +72,7 @@ def store_rest(handles, transforms, only_new):
     for handle, transform in zip(handles, transforms):
         if not only_new:
             handle.property_unset('home_matrix')
+            handle.property_unset('home_curve')
             handle.property_unset('mirror_space')
         if not (only_new and has_rest(handle)):
             set_rest(handle, transform)
@@ -85,5 +91,6 @@ def reset_rests_to_homes(settings):
         if handle.mirrors:
             handle.property_unset('rest_matrix')
         elif any(handle.home_matrix):
-            handle.rest_matrix, handle.rest_euler, handle.rest_order = home_to_store(handle)
+            handle.rest_matrix, handle.rest_euler, handle.rest_order, handle.rest_curve = home_to_store(handle)
             handle.property_unset('home_matrix')
+            handle.property_unset('home_curve')

@@ -5,8 +5,9 @@ import functools
 
 import numpy as np
 
-from . import deform_modifier, handle_rests, mesh_data, proportions
+from . import deform_modifier, handle_curves, handle_rests, mesh_data, proportions
 from .mesh_data import MeshProblem
+from .pieces import Pieces
 
 
 def enabled_handles(settings):
@@ -58,22 +59,30 @@ class Subject:
             if found[number] is None:
                 raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which is not there, is not "
                                   "enabled or mirrors another one: choose one with an empty in Mirrors (Handles).")
+            if handle_curves.has_curve(self.handles[found[number]]):
+                raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which follows a curve: give it a "
+                                  "curve of its own, mirrored.")
         return found
 
     @functools.cached_property
     def symmetric(self):
         """[number] of the handles whose motion is kept its own mirror image."""
-        flags = np.empty(len(self.settings.handles), np.int32)
-        self.settings.handles.foreach_get('symmetric', flags)
-        return [number for number, handle in enumerate(self.handles) if handle.symmetric] if flags.any() else []
+        # One by one: in Blender 3.4 foreach_get() reads no enumeration, and doesn't say so.
+        return [number for number, handle in enumerate(self.handles) if handle.symmetric]
 
     @functools.cached_property
     def are_free(self):
         """(h,) bool: which handles are free, that is, only place. Those that mirror another one are as it is."""
         result = np.array([handle.turns == 'FREE' for handle in self.handles], bool)
+        result &= ~np.array([handle_curves.has_curve(handle) for handle in self.handles], bool)
         for number, source in self.mirror_sources.items():
             result[number] = result[source]
         return result
+
+    @functools.cached_property
+    def pieces(self):
+        """The handles' Pieces, which are the handles of the library."""
+        return Pieces(self.handles)
 
     @functools.cached_property
     def rests(self):

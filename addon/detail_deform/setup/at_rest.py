@@ -6,7 +6,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from ..follow import binding, lifecycle
-from ..scene import displayed, handle_rests, handle_transforms, mesh_data, skin, world_transforms
+from ..scene import displayed, handle_curves, handle_rests, handle_transforms, mesh_data, skin, world_transforms
 from ..scene.subject import with_empties
 from . import empties
 
@@ -34,7 +34,11 @@ def _make_empties(context, ob, handles):
             (handle_transforms.pose_matrix_of(handle) @ handle_rests.rest_transform(handle)).tolist())
         extent = next(placed)[1] if len(part) else 0.05 * max(ob.dimensions)
         size = max(extent, 1e-3)
-        empty, _ = empties.make(context, ob, handle.name, empties.without_shear(world, Vector((1, 1, 1))), size, ob)
+        rest = handle_curves.unpacked(handle.rest_curve)
+        curve = handle_curves.made_of(rest.samples, handle.name) if rest else None
+        if not rest:  # a curve keeps the scale in which its points were
+            world = empties.without_shear(world, Vector((1, 1, 1)))
+        empty, _ = empties.make(context, ob, handle.name, world, size, ob, curve=curve)
         handle.target = handle.own_target = empty
     context.view_layer.update()
     depsgraph = context.evaluated_depsgraph_get()
@@ -57,6 +61,10 @@ def to_rest(context, ob, handles):
     by_depth = {}
     for handle in movable:
         by_depth.setdefault(_depth(handle.target), []).append(handle)
+    for handle in movable:
+        home = handle_curves.unpacked(handle_rests.home_curve(handle))
+        if home and handle_curves.has_curve(handle):
+            handle_curves.put_back(handle.target, home.controls)
     for depth in sorted(by_depth):  # parents first: they move their children
         depsgraph = context.evaluated_depsgraph_get()
         for handle in by_depth[depth]:

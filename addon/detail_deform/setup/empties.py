@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Empties of handles: created where their vertices are displayed, in a collection of the object's own."""
+"""Empties and curves of handles: created where their vertices are displayed, in a collection of the object's own."""
 
 import bpy
 import numpy as np
@@ -73,12 +73,13 @@ def _shown_collections(layer):
         yield from _shown_collections(child)
 
 
-def make(context, ob, name, world, size, parent, bone=""):
-    """Creates an empty. Returns (empty, place): world is the world matrix that put_in_place() has yet to set, or None
-    if it is set already. bone: name of the parent's bone, if the parent is an armature."""
-    empty = bpy.data.objects.new(f"{ob.name} {name}", None)
-    empty.empty_display_type = 'ARROWS'
-    empty.empty_display_size = size
+def make(context, ob, name, world, size, parent, bone="", curve=None):
+    """Creates an empty, or the object of a curve. Returns (empty, place): world is the world matrix that put_in_place()
+    has yet to set, or None if it is set already. bone: name of the parent's bone, if the parent is an armature."""
+    empty = bpy.data.objects.new(f"{ob.name} {name}", curve)
+    if curve is None:
+        empty.empty_display_type = 'ARROWS'
+        empty.empty_display_size = size
     empty.show_in_front = True
     collection_of(context, ob).objects.link(empty)
     if parent:
@@ -105,7 +106,7 @@ def put_in_place(context, ob, made):
             empty.local_view_set(view, True)
 
 
-def make_on_skin(context, ob, name, world, size, posed_by, similarity, depsgraph, parented=True):
+def make_on_skin(context, ob, name, world, size, posed_by, similarity, depsgraph, parented=True, curve=None):
     """As make(), but where other modifiers display the handle's vertices. world: the world matrix before these
     modifiers. posed_by: result of skin.Rigs.of(). similarity: from displayed.similarities(). parented: make the empty a
     child of the object, or of the bone with the largest mean weight on the vertices."""
@@ -116,8 +117,8 @@ def make_on_skin(context, ob, name, world, size, posed_by, similarity, depsgraph
         posed = ob.matrix_world @ Matrix(similarity.tolist()) @ ob.matrix_world.inverted_safe() @ world
         world = without_shear(posed, world.to_scale())
     if not (means and parented):
-        return make(context, ob, name, world, size, ob if parented else None)
-    return make(context, ob, name, world, size, rig, max(means, key=means.get))
+        return make(context, ob, name, world, size, ob if parented else None, curve=curve)
+    return make(context, ob, name, world, size, rig, max(means, key=means.get), curve)
 
 
 def without_shear(matrix, scale=None):

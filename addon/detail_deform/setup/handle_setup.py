@@ -9,7 +9,7 @@ from mathutils import Matrix
 from ..follow import lifecycle
 from ..scene import displayed, handle_rests, handle_transforms, mesh_data, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
-from . import empties
+from . import empties, handle_paths
 
 _GROUP_NAME = "Handle"
 _MAX_AT_ONCE = 1000  # handles; safety: each gets an empty, and more empties are too many to work with
@@ -35,14 +35,16 @@ def _chosen_group(ob, name):
     return name or ob.vertex_groups.active.name
 
 
-def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True):
+def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True, curve_points=0):
     """Adds one or more handles with their empties; the arguments are the properties of the operator handle_add.
-    Returns the first handle. Raises MeshProblem."""
+    curve_points: makes a curve with so many control points along the selected vertices in place of an empty. Returns
+    the first handle. Raises MeshProblem."""
     if ob.library or ob.data.library:
         mesh_data.check_object(ob)
     from_selection = ob.mode == 'EDIT'
     if from_selection:
         parts = _selected_parts(ob, each)
+        path = handle_paths.along(ob, parts[0]) if curve_points else None
         names = [group.name for group in selection.new_groups(ob, _GROUP_NAME, parts)]
     elif each != 'SELECTION':
         raise MeshProblem(f"'{ob.name}' is not in Edit Mode: select there the vertices that get a handle each.")
@@ -57,9 +59,10 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     rigs, made, depsgraph = skin.Rigs(ob), [], context.evaluated_depsgraph_get()
     similarities = displayed.similarities(ob, parts, depsgraph)
     for name, part, similarity, (world, extent) in zip(
-            names, parts, similarities, empties.placements(ob, parts, align)):
+            names, parts, similarities, empties.placements(ob, parts, align and not curve_points)):
+        curve = path.curve(name, ob.matrix_world, world, curve_points) if curve_points else None
         made.append(empties.make_on_skin(context, ob, name, world, max(extent, least), rigs.of(part), similarity,
-                                         depsgraph, parented))
+                                         depsgraph, parented, curve))
     empties.put_in_place(context, ob, made)
     first = len(ob.detail_deform.handles)
     for name, (empty, _) in zip(names, made):
@@ -134,7 +137,10 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
             place = child.matrix_world.copy()
             child.parent = None
             child.matrix_world = place
+        data = target.data
         bpy.data.objects.remove(target)
+        if data and not data.users:
+            bpy.data.curves.remove(data)
     collection = settings.handle_collection
     if collection and not collection.objects and not collection.children:
         bpy.data.collections.remove(collection)

@@ -30,6 +30,8 @@ def make(context, ob):
 
 def _copy(context, ob, empty):
     copy = empty.copy()
+    if copy.data:
+        copy.data = copy.data.copy()
     empties.collection_of(context, ob).objects.link(copy)
     animation = copy.animation_data
     if animation and animation.action:

@@ -59,10 +59,11 @@ def _symmetric_axes(ob):
 class Pull:
     """stages() does the work. If an exception or close() ends it early, it undoes all its changes."""
 
-    def __init__(self, context, ob, radius=0.0, surface=None, falloff='MESH'):
+    def __init__(self, context, ob, radius=0.0, surface=None, falloff='MESH', curve_points=0):
         """radius: of the region, in world units; 0: guessed from the selection. surface: of selected_distances(), if
-        known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles."""
-        self.radius, self.remarks, self._falloff = radius, [], falloff
+        known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles. curve_points:
+        as for handle_setup.add_handles()."""
+        self.radius, self.remarks, self._falloff, self._curve_points = radius, [], falloff, curve_points
         self._context, self._ob, self._surface = context, ob, surface
         self._had_modifier = deform_modifier.find(ob) is not None
         self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
@@ -74,7 +75,7 @@ class Pull:
         ob, settings = self._ob, self._ob.detail_deform
         region = earlier = None
         try:
-            handle_setup.add_handles(self._context, ob)
+            handle_setup.add_handles(self._context, ob, curve_points=self._curve_points)
             yield 0.0
             bpy.ops.object.mode_set(mode='OBJECT')
             yield 0.0
@@ -104,7 +105,11 @@ class Pull:
 
     def _mirror(self):
         """Adds the symmetric handles for Edit Mode's symmetry."""
-        for axis in _symmetric_axes(self._ob):
+        axes = _symmetric_axes(self._ob)
+        if axes and self._curve_points:
+            self.remarks.append("Edit Mode's symmetry mirrors no curves: pull the other side by a curve of its own")
+            return
+        for axis in axes:
             handle = self._ob.detail_deform.handles[self._count]
             try:
                 remark = mirroring.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False)

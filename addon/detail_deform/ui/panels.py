@@ -56,6 +56,7 @@ def draw_state(layout, context, ob):
         row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
     if ob.mode == 'EDIT':
         layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
+        layout.operator('object.detail_deform_pull_curve', text="Pull by Curve", icon='CURVE_DATA')
     if settings.signature:
         if settings.stale or (settings.problem and settings.base == 'OBJECT'):  # the base may have other vertices now
             row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
@@ -247,7 +248,7 @@ class HandlePanel:
     @classmethod
     def poll(cls, context):
         empty = context.object
-        return empty is not None and empty.type == 'EMPTY' and handle_owners.handle_of(empty)[0] is not None
+        return empty is not None and empty.type in handle_owners.TYPES and handle_owners.handle_of(empty)[0] is not None
 
     def draw(self, context):
         layout = self.layout

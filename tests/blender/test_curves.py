@@ -1,0 +1,352 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handles that are curves: Pull by Curve, and what moves, twists, scales and stretches along them."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+
+from conftest import activate, add_empty, bind, evaluated, make_strip, members, moved, own, refusal, update
+
+LENGTH, RADIUS, ROOT = 4.0, 0.3, 0.9  # of a tube along X; its vertices up to ROOT aren't selected
+ELSEWHERE = Matrix.LocRotScale((3, -2, 1), Matrix.Rotation(0.7, 3, (1, 2, 3)).to_quaternion(), (2, 2, 2))
+
+
+def tube(world=None, rings=81, around=16):
+    x, angle = np.meshgrid(np.linspace(0, LENGTH, rings), np.arange(around) * 2 * np.pi / around, indexing='ij')
+    places = np.stack([x, RADIUS * np.cos(angle), RADIUS * np.sin(angle)], -1).reshape(-1, 3)
+    faces = [(i * around + j, i * around + (j + 1) % around, (i + 1) * around + (j + 1) % around, (i + 1) * around + j)
+             for i in range(rings - 1) for j in range(around)]
+    mesh = bpy.data.meshes.new("Tube")
+    mesh.from_pydata(places.tolist(), [], [*faces, tuple(range(around - 1, -1, -1)),
+                                           tuple(range((rings - 1) * around, rings * around))])
+    ob = bpy.data.objects.new("Tube", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    ob.matrix_world = world or Matrix()
+    update()
+    return ob
+
+
+def pull(ob, chosen, **options):
+    """Selects these vertices, and pulls them by a curve. Returns its object."""
+    activate(ob)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    ob.data.polygons.foreach_set('select', np.zeros(len(ob.data.polygons), bool))
+    ob.data.edges.foreach_set('select', np.zeros(len(ob.data.edges), bool))
+    ob.data.vertices.foreach_set('select', chosen)
+    bpy.ops.object.mode_set(mode='EDIT')
+    assert bpy.ops.object.detail_deform_pull_curve(**options) == {'FINISHED'}
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    curve = bpy.context.view_layer.objects.active
+    assert curve.type == 'CURVE' and ob.detail_deform.handles[-1].target == curve
+    return curve
+
+
+@pytest.fixture
+def limb():
+    """(ob, curve, chosen): a tube, pulled by all but its root."""
+    ob = tube()
+    chosen = own(ob)[:, 0] > ROOT
+    return ob, pull(ob, chosen, points=9, radius=0.8), chosen
+
+
+def points(curve):
+    return curve.data.splines[0].bezier_points
+
+
+def place(curve, ob, places):
+    """Puts the control points to these places in the object's space."""
+    to_curve = curve.matrix_world.inverted() @ ob.matrix_world
+    for point, where in zip(points(curve), places):
+        point.co = to_curve @ Matrix.Translation(where).translation
+    update()
+
+
+def along(ob, curve):
+    """(n, 3): the control points in the object's space."""
+    to_ob = ob.matrix_world.inverted() @ curve.matrix_world
+    return np.array([to_ob @ point.co for point in points(curve)])
+
+
+def circle(positions, radius):
+    """The places of positions along X where that is bent to a circle upward from ROOT on."""
+    x, y, z = positions.T
+    angle = np.maximum(x - ROOT, 0) / radius
+    return np.stack([np.minimum(x, ROOT) + (radius - z) * np.sin(angle), y,
+                     radius - (radius - z) * np.cos(angle)], axis=1)
+
+
+def test_a_curve_is_made_along_the_selection(limb):
+    ob, curve, chosen = limb
+    found = along(ob, curve)
+    assert len(found) == 9 and np.abs(found[:, 1:]).max() < 0.02
+    assert np.ptp(found[:, 0]) > 0.97 * (LENGTH - ROOT)
+    assert moved(ob) < 1e-7
+
+
+def follow_polygon(ob, curve, places, anew=False):
+    """Gives the curve these points, in the object's space, joined by straight lines."""
+    spline = None if anew else curve.data.splines[0]
+    if anew or spline.type != 'POLY':
+        curve.data.splines.clear()
+        spline = curve.data.splines.new('POLY')
+        spline.points.add(len(places) - 1)
+    to_curve = curve.matrix_world.inverted() @ ob.matrix_world
+    for point, place in zip(spline.points, places):
+        point.co = (*(to_curve @ Vector(place)), 1)
+    curve.data.update_tag()
+    update()
+    return spline.points
+
+
+@pytest.fixture(params=['plain', 'elsewhere'])
+def straight(request):
+    """(ob, curve, chosen, places): a tube bound to a straight curve, with places along it in the object's space."""
+    ob = tube(ELSEWHERE if request.param == 'elsewhere' else None)
+    chosen = own(ob)[:, 0] > ROOT
+    curve = pull(ob, chosen, radius=0.8 * ob.matrix_world.median_scale)
+    places = np.zeros((65, 3))
+    places[:, 0] = np.linspace(own(ob)[chosen, 0].min(), LENGTH, 65)
+    follow_polygon(ob, curve, places)
+    bind(ob)
+    assert moved(ob) < 1e-7
+    return ob, curve, chosen, places
+
+
+def test_a_limb_bends_along_its_curve(straight):
+    ob, curve, chosen, places = straight
+    follow_polygon(ob, curve, circle(places, 1.0))  # by 177 degrees
+    # A station's length is 1/64 of 3.1, and the curve's derivative is found from points as far apart.
+    assert np.abs(evaluated(ob) - circle(own(ob), 1.0))[chosen].max() < 1e-3
+
+
+def test_a_limb_coils_by_more_than_a_turn(straight):
+    """Rotations are continuous along the curve, and the result with them, beyond half a turn."""
+    ob, curve, chosen, places = straight
+    follow_polygon(ob, curve, circle(places, 0.4))  # by 444 degrees
+    expected = circle(own(ob), 0.4)
+    assert np.abs(evaluated(ob) - expected)[chosen].max() < 4e-3
+    rest = ~chosen & (own(ob)[:, 0] > ROOT - 0.3)  # beside the curve its begin shows
+    assert np.abs(evaluated(ob) - expected)[rest].max() < 0.1
+
+
+def turned_about_x(positions, angles):
+    x, y, z = positions.T
+    return np.stack([x, y * np.cos(angles) - z * np.sin(angles), y * np.sin(angles) + z * np.cos(angles)], axis=1)
+
+
+def test_a_tilt_twists(straight):
+    ob, curve, chosen, places = straight
+    share = np.clip((own(ob)[:, 0] - places[0, 0]) / np.ptp(places[:, 0]), 0, 1)
+    for point, part in zip(curve.data.splines[0].points, np.linspace(0, 1, len(places))):
+        point.tilt = 4 * np.pi * part
+    update()
+    # Within a station the turn is that of its middle: 4 pi / 64 / 2 of the radius at most.
+    expected = turned_about_x(own(ob), 4 * np.pi * share)
+    assert np.abs(evaluated(ob) - expected)[chosen].max() < 1.1 * RADIUS * 4 * np.pi / 128
+
+
+def test_a_radius_scales_across_and_a_longer_curve_stretches_along(straight):
+    ob, curve, chosen, places = straight
+    longer = places * (1.5, 1, 1) - (0.5 * places[0, 0], 0, 0)
+    for point in follow_polygon(ob, curve, longer):
+        point.radius = 0.5
+    update()
+    expected = own(ob) * (1.5, 0.5, 0.5) - (0.5 * places[0, 0], 0, 0)
+    assert np.abs(evaluated(ob) - expected)[chosen].max() < 1e-5
+
+
+def test_its_object_moves_turns_and_scales_all(straight):
+    ob, curve, chosen, places = straight
+    motion = Matrix.LocRotScale((0.2, 0.5, -0.1), Matrix.Rotation(2.0, 3, (3, 1, 2)).to_quaternion(), (1.2, 1.2, 1.2))
+    world = ob.matrix_world
+    curve.matrix_world = world @ motion @ world.inverted() @ curve.matrix_world
+    update()
+    expected = own(ob) @ np.array(motion)[:3, :3].T + np.array(motion)[:3, 3]
+    assert np.abs(evaluated(ob) - expected)[chosen].max() < 1e-5
+    # So it does with a bent curve.
+    follow_polygon(ob, curve, [motion @ Vector(place) for place in circle(places, 1.0)])
+    expected = circle(own(ob), 1.0) @ np.array(motion)[:3, :3].T + np.array(motion)[:3, 3]
+    assert np.abs(evaluated(ob) - expected)[chosen].max() < 1.3e-3
+
+
+def ring_of(ob, at, width=1):
+    """(n,): the rings of a tube around a place along it."""
+    x = own(ob)[:, 0]
+    order = np.unique(x.round(6))
+    middle = int(np.abs(order - at).argmin())
+    return np.isin(x.round(6), order[middle:middle + width])
+
+
+@pytest.mark.parametrize('width', [1, 3])
+def test_a_loop_gets_a_closed_curve(width):
+    ob = tube()
+    curve = pull(ob, ring_of(ob, 2.0, width), points=8, radius=1.0)
+    assert curve.data.splines[0].use_cyclic_u
+    distances = np.linalg.norm(along(ob, curve)[:, 1:], axis=1)
+    assert np.allclose(distances, RADIUS, rtol=0.06), distances
+    # Wider, then turned in Edit Mode.
+    chosen = ring_of(ob, 2.0, width)
+    middle = Vector((own(ob)[chosen, 0].mean(), 0, 0))
+    motion = Matrix.Translation(middle) @ Matrix.Rotation(0.8, 4, (2, 3, 1)) @ Matrix.Translation(-middle)
+    for point in points(curve):
+        for name in ('co', 'handle_left', 'handle_right'):
+            to_curve = curve.matrix_world.inverted()
+            setattr(point, name, to_curve @ motion @ curve.matrix_world @ getattr(point, name))
+    update()
+    expected = own(ob) @ np.array(motion)[:3, :3].T + np.array(motion)[:3, 3]
+    assert np.abs(evaluated(ob) - expected)[chosen].max() < 1e-5
+
+
+def test_a_chain_gets_an_open_curve_through_its_ends():
+    ob = tube()
+    row = (np.abs(own(ob)[:, 1] - RADIUS) < 1e-6) & (own(ob)[:, 0] > 1) & (own(ob)[:, 0] < 3)
+    curve = pull(ob, row, points=4, radius=0.5)
+    assert not curve.data.splines[0].use_cyclic_u
+    expected = np.zeros((4, 3))
+    expected[:, 0], expected[:, 1] = np.linspace(*np.sort(own(ob)[row, 0])[[0, -1]], 4), RADIUS
+    found = along(ob, curve)
+    assert np.allclose(found if found[0, 0] < 2 else found[::-1], expected, atol=1e-5)
+
+
+def test_hooks_move_a_hidden_curve(straight):
+    ob, curve, chosen, places = straight
+    hook = add_empty("Hook", (0, 0, 0))
+    modifier = curve.modifiers.new("Hook", 'HOOK')
+    modifier.object = hook
+    modifier.vertex_indices_set(range(len(places)))
+    curve.hide_set(True)
+    update()
+    hook.location.z = 0.25
+    update()
+    up = np.linalg.inv(np.array(ob.matrix_world)[:3, :3]) @ (0, 0, 0.25)
+    assert np.abs(evaluated(ob) - own(ob) - up)[chosen].max() < 1e-5
+
+
+def test_it_goes_back_to_rest(limb):
+    ob, curve, chosen = limb
+    before = along(ob, curve)
+    place(curve, ob, circle(before, 1.0))
+    curve.location.x += 1
+    points(curve)[3].radius = 2.0
+    update()
+    assert moved(ob) > 0.5
+    activate(ob)
+    assert bpy.ops.object.detail_deform_handle_reset(everything=True) == {'FINISHED'}
+    update()
+    assert np.abs(along(ob, curve) - before).max() < 1e-5 and moved(ob) < 1e-5
+
+
+def test_a_deleted_curve_can_be_brought_back(limb):
+    ob, curve, chosen = limb
+    place(curve, ob, circle(along(ob, curve), 1.0))
+    bpy.data.objects.remove(curve)
+    update()
+    activate(ob)
+    assert bpy.ops.object.detail_deform_bring_back() == {'FINISHED'}
+    update()
+    made = ob.detail_deform.handles[0].target
+    assert made.type == 'CURVE' and moved(ob) < 1e-5
+    for point in made.data.splines[0].points:
+        point.co.z += 0.2
+    made.data.update_tag()
+    update()
+    assert np.allclose((evaluated(ob) - own(ob))[chosen], (0, 0, 0.2), atol=1e-4)
+
+
+def test_a_file_keeps_it(straight, tmp_path):
+    ob, curve, chosen, places = straight
+    name, curve_name = ob.name, curve.name
+    follow_polygon(ob, curve, circle(places, 1.0))
+    before = evaluated(ob)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'curve.blend'))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / 'curve.blend'))
+    ob, curve = bpy.data.objects[name], bpy.data.objects[curve_name]
+    assert np.abs(evaluated(ob) - before).max() < 1e-6
+    follow_polygon(ob, curve, circle(places, 2.0))
+    assert np.abs(evaluated(ob) - circle(own(ob), 2.0))[chosen].max() < 1e-3
+
+
+def test_rebinding_keeps_the_pose(straight):
+    ob, curve, chosen, places = straight
+    follow_polygon(ob, curve, circle(places, 1.0))
+    before = evaluated(ob)
+    ob.vertex_groups[ob.detail_deform.region].remove([0])
+    ob.vertex_groups[ob.detail_deform.handles[0].vertex_group].remove([int(np.flatnonzero(chosen)[40])])
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    activate(ob)
+    assert bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True) == {'FINISHED'}
+    assert np.abs(evaluated(ob) - before)[chosen].max() < 0.02  # the vertex that was removed follows the others
+
+
+def test_what_a_curve_must_be_is_said(straight):
+    ob, curve, chosen, places = straight
+    settings = ob.detail_deform
+    curve.data.splines[0].points.add(2)
+    update()
+    assert "'Tube Handle' has 67 points along it, 65 when it was bound" in settings.status
+    curve.data.splines.new('POLY')
+    curve.data.update_tag()
+    update()
+    assert "has 2 splines" in settings.status
+    curve.data.splines.clear()
+    follow_polygon(ob, curve, places, anew=True)
+    assert "Bound" in settings.status, settings.status
+    curve.data.bevel_depth = 0.1
+    update()
+    assert "has a thickness" in settings.status
+    curve.data.bevel_depth = 0
+    follow_polygon(ob, curve, places * 0)
+    activate(ob)
+    assert "has no length" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+
+
+def test_a_curve_in_place_of_an_empty_counts_from_the_next_bind_on():
+    ob = make_strip()
+    bind(ob)
+    curve = bpy.data.objects.new("Line", bpy.data.curves.new("Line", 'CURVE'))
+    bpy.context.scene.collection.objects.link(curve)
+    curve.data.dimensions = '3D'
+    spline = curve.data.splines.new('POLY')
+    spline.points.add(4)
+    for number, point in enumerate(spline.points):
+        point.co = (1, number / 4, 0, 1)
+    ob.detail_deform.handles[0].target = curve
+    update()
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    bind(ob)
+    spline.points[0].co.z = 0.5
+    curve.data.update_tag()
+    update()
+    right = members(ob, 'right')
+    raised = (evaluated(ob) - own(ob))[right, 2]
+    assert raised[own(ob)[right, 1] < 0.01].min() > 0.4 and np.abs(raised[own(ob)[right, 1] > 0.5]).max() < 0.05
+
+
+def test_mirrors_and_symmetry_are_refused(straight):
+    ob, curve, chosen, places = straight
+    ob.detail_deform.handles[0].symmetric = {'Y'}
+    update()
+    assert "which nothing keeps symmetric" in ob.detail_deform.status
+
+
+def test_removing_the_handle_removes_its_curve(limb):
+    ob, curve, chosen = limb
+    activate(ob)
+    assert bpy.ops.object.detail_deform_handle_remove() == {'FINISHED'}
+    assert not bpy.data.curves and len(bpy.data.objects) == 1
+
+
+def test_unconnected_vertices_are_refused():
+    ob = tube()
+    chosen = np.zeros(len(ob.data.vertices), bool)
+    chosen[[100, 700]] = True
+    activate(ob)
+    ob.data.polygons.foreach_set('select', np.zeros(len(ob.data.polygons), bool))
+    ob.data.edges.foreach_set('select', np.zeros(len(ob.data.edges), bool))
+    ob.data.vertices.foreach_set('select', chosen)
+    bpy.ops.object.mode_set(mode='EDIT')
+    assert "aren't connected" in refusal(bpy.ops.object.detail_deform_pull_curve)
+    assert not ob.detail_deform.handles and not bpy.data.curves
