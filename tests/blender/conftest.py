@@ -75,6 +75,41 @@ def as_in_a_window(part, monkeypatch):
     return lambda *names: [monkeypatch.setattr(part(name), 'bpy', Bpy()) for name in (*names, 'timers')]
 
 
+class Probe(bpy.types.RenderEngine):
+    """A render engine that records an object's evaluated positions in each rendered frame."""
+    bl_idname, bl_label = 'DD_PROBE', "Probe"
+    name, seen = "", {}
+
+    def render(self, depsgraph):
+        vertices = depsgraph.objects[Probe.name].data.vertices
+        values = np.empty(3 * len(vertices), np.float32)
+        vertices.foreach_get('co', values)
+        Probe.seen[depsgraph.scene.frame_current] = values.reshape(-1, 3).astype(float)
+        self.end_result(self.begin_result(0, 0, 8, 8))
+
+
+@pytest.fixture
+def rendered(tmp_path):
+    """rendered(name): {frame: (n, 3)}, the positions of an object in renders of the frames 1 to 5."""
+    bpy.utils.register_class(Probe)
+
+    def run(name="Strip"):
+        scene = bpy.context.scene
+        if not scene.camera:
+            scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+            scene.collection.objects.link(scene.camera)
+        scene.render.engine, scene.render.filepath = 'DD_PROBE', str(tmp_path / 'f')
+        scene.render.resolution_x = scene.render.resolution_y = 8
+        scene.frame_start, scene.frame_end = 1, 5
+        Probe.name = name
+        Probe.seen.clear()
+        bpy.ops.render.render(animation=True)
+        return dict(Probe.seen)
+
+    yield run
+    bpy.utils.unregister_class(Probe)
+
+
 def new_scene():
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
 

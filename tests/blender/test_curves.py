@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from conftest import activate, add_empty, bind, evaluated, make_strip, members, moved, own, refusal, update
+from conftest import activate, add_empty, add_handle, bind, evaluated, group, make_strip, members, moved, own, refusal, update
 
 LENGTH, RADIUS, ROOT = 4.0, 0.3, 0.9  # of a tube along X; its vertices up to ROOT aren't selected
 ELSEWHERE = Matrix.LocRotScale((3, -2, 1), Matrix.Rotation(0.7, 3, (1, 2, 3)).to_quaternion(), (2, 2, 2))
@@ -350,3 +350,135 @@ def test_unconnected_vertices_are_refused():
     bpy.ops.object.mode_set(mode='EDIT')
     assert "aren't connected" in refusal(bpy.ops.object.detail_deform_pull_curve)
     assert not ob.detail_deform.handles and not bpy.data.curves
+
+
+def test_animated_points_are_followed(straight):
+    ob, curve, chosen, places = straight
+    action = []
+    for frame, radius in ((1, 4.0), (11, 1.0)):
+        for point in follow_polygon(ob, curve, circle(places, radius)):
+            point.keyframe_insert('co', frame=frame)
+    bpy.context.scene.frame_set(11)
+    assert np.abs(evaluated(ob) - circle(own(ob), 1.0))[chosen].max() < 1e-3
+    bpy.context.scene.frame_set(1)
+    assert np.abs(evaluated(ob) - circle(own(ob), 4.0))[chosen].max() < 1e-3
+
+
+def test_renders_follow_a_curve_that_is_disabled_in_them(straight, rendered):
+    ob, curve, chosen, places = straight
+    hook = add_empty("Hook", (0, 0, 0))
+    modifier = curve.modifiers.new("Hook", 'HOOK')
+    modifier.object = hook
+    modifier.vertex_indices_set(range(len(places)))
+    curve.hide_render = hook.hide_render = True
+    for frame in (1, 5):
+        hook.location.z = 0.1 * frame
+        hook.keyframe_insert('location', frame=frame)
+    up = np.linalg.inv(np.array(ob.matrix_world)[:3, :3]) @ (0, 0, 0.1)
+    seen = rendered(ob.name)
+    assert np.allclose((seen[5] - seen[1])[chosen], 4 * up, atol=1e-4)
+
+
+BONES = 4
+
+
+def rig(ob, roll=0.3):
+    """An armature with a chain of bones along a tube's pulled part, which its vertices follow."""
+    armature = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(armature)
+    armature.matrix_world = ob.matrix_world
+    activate(armature)
+    bpy.ops.object.mode_set(mode='EDIT')
+    ends = np.linspace(ROOT, LENGTH, BONES + 1)
+    bones = []
+    for number in range(BONES):
+        bone = armature.data.edit_bones.new(f"Bone {number}")
+        bone.head, bone.tail, bone.roll = (ends[number], 0, 0), (ends[number + 1], 0, 0), roll * number
+        if bones:
+            bone.parent, bone.use_connect = bones[-1], True
+        bones.append(bone)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    group(ob, "Along", np.flatnonzero(own(ob)[:, 0] > ROOT))
+    handle = add_handle(ob, "Along", armature)
+    handle.first_bone, handle.last_bone = "Bone 0", f"Bone {BONES - 1}"
+    group(ob, "Region", np.flatnonzero(own(ob)[:, 0] > ROOT - 0.6))
+    ob.detail_deform.region = "Region"
+    update()
+    return armature
+
+
+@pytest.fixture(params=['plain', 'elsewhere'])
+def boned(request):
+    """(ob, armature): a tube bound to a chain of bones."""
+    ob = tube(ELSEWHERE if request.param == 'elsewhere' else None)
+    armature = rig(ob)
+    bind(ob)
+    assert moved(ob) < 1e-7
+    return ob, armature
+
+
+def turn(armature, number, axis, angle):
+    """Turns a bone about an axis through its head, in the armature's space."""
+    bone = armature.pose.bones[f"Bone {number}"]
+    head = Matrix.Translation(bone.head)
+    bone.matrix = head @ Matrix.Rotation(angle, 4, axis) @ head.inverted() @ bone.matrix
+    update()
+
+
+def test_bones_move_what_is_along_them(boned):
+    ob, armature = boned
+    turn(armature, 2, 'Y', -1.0)
+    x = own(ob)[:, 0]
+    length = (LENGTH - ROOT) / BONES
+    # Away from the joint, which is rounded over an eighth of both bones, all moves as its bone does.
+    before, after = (x > ROOT) & (x < ROOT + 1.8 * length), x > ROOT + 2.2 * length
+    joint = np.array([ROOT + 2 * length, 0, 0])
+    turned = joint + (own(ob) - joint) @ np.array(Matrix.Rotation(-1.0, 3, 'Y')).T
+    assert np.abs(evaluated(ob) - own(ob))[before].max() < 1e-4
+    assert np.abs(evaluated(ob) - turned)[after].max() < 1e-4
+
+
+def test_bones_twist_and_scale(boned):
+    ob, armature = boned
+    turn(armature, 0, 'X', 2.5)
+    after = own(ob)[:, 0] > ROOT
+    assert np.abs(evaluated(ob) - turned_about_x(own(ob), np.full(len(own(ob)), 2.5)))[after].max() < 1e-4
+    armature.pose.bones["Bone 0"].matrix_basis = Matrix.Scale(1.5, 4)
+    update()
+    root = np.array([ROOT, 0, 0])
+    assert np.abs(evaluated(ob) - root - 1.5 * (own(ob) - root))[after].max() < 1e-4
+
+
+def test_bones_go_back_to_rest_and_are_followed_in_renders(boned, rendered):
+    ob, armature = boned
+    turn(armature, 1, 'Z', 0.8)
+    assert moved(ob) > 0.5
+    activate(ob)
+    assert bpy.ops.object.detail_deform_handle_reset(everything=True) == {'FINISHED'}
+    update()
+    assert moved(ob) < 1e-4
+    armature.hide_render = True
+    bone = armature.pose.bones["Bone 0"]
+    for frame in (1, 5):
+        bone.location.y = 0.1 * frame
+        bone.keyframe_insert('location', frame=frame)
+    seen = rendered(ob.name)
+    assert np.allclose((seen[5] - seen[1])[own(ob)[:, 0] > ROOT], (0.4, 0, 0), atol=1e-4)
+
+
+def test_which_bones_can_not_be_followed_is_said(boned):
+    ob, armature = boned
+    handle = ob.detail_deform.handles[0]
+    for first, last, sentence in (("Bone 3", "Bone 0", "exchange First Bone and Last Bone"),
+                                  ("Bone 0", "Bone 9", "has no bone 'Bone 9'"),
+                                  ("", "", "choose First Bone and Last Bone"),
+                                  ("Bone 1", "Bone 3", "follows another number of bones")):
+        handle.first_bone, handle.last_bone = first, last
+        armature.location.x += 0.1
+        update()
+        assert sentence in ob.detail_deform.status, (first, last, ob.detail_deform.status)
+    handle.first_bone = "Bone 0"
+    ob.modifiers.new("Armature", 'ARMATURE').object = armature
+    update()
+    activate(ob)
+    assert "would move it twice" in refusal(bpy.ops.object.detail_deform_bind, wait=True)

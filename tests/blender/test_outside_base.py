@@ -306,39 +306,6 @@ DIFFERENT = {
 }
 
 
-class Probe(bpy.types.RenderEngine):
-    """A render engine that records the strip's evaluated positions in each rendered frame."""
-    bl_idname, bl_label = 'DD_PROBE', "Probe"
-    seen = {}
-
-    def render(self, depsgraph):
-        values = np.empty(3 * len(depsgraph.objects['Strip'].data.vertices), np.float32)
-        depsgraph.objects['Strip'].data.vertices.foreach_get('co', values)
-        Probe.seen[depsgraph.scene.frame_current] = values.reshape(-1, 3).astype(float)
-        self.end_result(self.begin_result(0, 0, 8, 8))
-
-
-@pytest.fixture
-def rendered(tmp_path):
-    """rendered(): {frame: (n, 3)}, the positions in renders of the frames 1 to 5."""
-    bpy.utils.register_class(Probe)
-
-    def run():
-        scene = bpy.context.scene
-        if not scene.camera:
-            scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-            scene.collection.objects.link(scene.camera)
-        scene.render.engine, scene.render.filepath = 'DD_PROBE', str(tmp_path / 'f')
-        scene.render.resolution_x = scene.render.resolution_y = 8
-        scene.frame_start, scene.frame_end = 1, 5
-        Probe.seen.clear()
-        bpy.ops.render.render(animation=True)
-        return dict(Probe.seen)
-
-    yield run
-    bpy.utils.unregister_class(Probe)
-
-
 def lifted_cage(copy):
     ob, base = make_pair()
     if not copy:

@@ -9,7 +9,7 @@ from ..library import native
 # Fraction of the progress that is the bind's. By the ratios in native/bench/RESULTS.md it takes 0.6 to 0.7 of both
 # times.
 _SHARE_OF_BIND = 0.7
-_STAGE = 'DONE'  # of the bind: the update's own stages are of other steps
+_STAGE = "preparing the first update"
 
 
 class BindJob:

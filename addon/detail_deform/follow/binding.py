@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_motions, handle_owners,
+from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_curves, handle_motions, handle_owners,
                      handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base, proportions,
                      pieces, renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
@@ -167,7 +167,8 @@ def targets_changed(ob):
     if not settings.signature:
         return
     _need_base(ob)
-    dependency.depend_on(ob, [h.target for h in enabled_handles(settings) if h.target])
+    dependency.depend_on(ob, [read for handle in enabled_handles(settings) if handle.target
+                              for read in handle_curves.reads(handle)])
 
 
 def _need_base(ob):

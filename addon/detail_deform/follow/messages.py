@@ -45,7 +45,7 @@ _REMEDIES = {
 
 
 def step(stage):
-    return f"({STEP_OF_STAGE[stage]} of {STEPS})"
+    return f"({STEP_OF_STAGE.get(stage, STEPS)} of {STEPS})"  # the first update of a BindJob comes last
 
 
 def said(ob, error):

@@ -25,6 +25,7 @@ class Samples(NamedTuple):
     tilts: Any  # (n,) radians
     radii: Any  # (n,)
     is_cyclic: bool  # the last point is followed by the first
+    frames: Any = None  # (n, 3, 3) rotations that lie along it, as those of bones; None: parallel transport is used
 
 
 def parameters(samples, positions):
@@ -111,6 +112,9 @@ def _unit(vectors):
 
 def _rotations(rest, now, before, after):
     """(n, 3, 3): R at each sample. before, after: unit tangents."""
+    if rest.frames is not None and now.frames is not None:
+        turned = now.frames @ np.swapaxes(rest.frames, 1, 2)
+        return _shortest(np.einsum('kij,kj->ki', turned, before), after) @ turned
     first = _best_rotation(rest, now) if rest.is_cyclic else np.eye(3)
     first = _shortest((first @ before[0])[None], after[:1])[0] @ first
     result = _transports(after) @ first @ np.swapaxes(_transports(before), 1, 2)
@@ -128,10 +132,10 @@ def _rotations(rest, now, before, after):
 def _best_rotation(rest, now):
     """(3, 3): the rotation that brings the points nearest to the present ones."""
     before, after = (np.asarray(each.points, np.float64) - each.points.mean(axis=0) for each in (rest, now))
-    return _nearest_rotations(after.T @ before)
+    return nearest_rotations(after.T @ before)
 
 
-def _nearest_rotations(matrices):
+def nearest_rotations(matrices):
     """(..., 3, 3)"""
     left, _, right = np.linalg.svd(matrices)
     left[..., 2] *= np.sign(np.linalg.det(left @ right))[..., None]
@@ -158,6 +162,12 @@ def _shortest(before, after):
         across = _unit(np.cross(before[number], np.eye(3)[np.abs(before[number]).argmin()]))
         result[number] = 2 * np.outer(across, across) - np.eye(3)
     return result
+
+
+def halfway(rotations):
+    """(n - 1, 3, 3): the rotations halfway between successive ones."""
+    steps = _vectors(rotations[1:] @ np.swapaxes(rotations[:-1], 1, 2))
+    return _about(_unit(steps), _lengths(steps) / 2) @ rotations[:-1]
 
 
 def _about(axes, angles):
@@ -210,7 +220,7 @@ def _at(samples, tangents, at):
 def turns(motions, begin):
     """(k, 3): the rotation vectors of successive stations' motions, (k, 3, 4): of those of its rotation each is the one
     nearest to its predecessor, and the first that nearest to begin, so they have whole turns."""
-    vectors, before = _vectors(_nearest_rotations(motions[:, :3, :3])), tuple(begin)
+    vectors, before = _vectors(nearest_rotations(motions[:, :3, :3])), tuple(begin)
     result = []
     for x, y, z in vectors.tolist():
         angle = math.sqrt(x * x + y * y + z * z)

@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curve objects that move handles: what Blender evaluates of them, with hooks, shape keys and constraints, and the rest
-that is stored at Bind."""
+"""Curves and chains of bones that move handles: what Blender evaluates of them, with hooks, shape keys and constraints,
+and the rest that is stored at Bind."""
 
 from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
+from . import curve_motion
 from .curve_motion import Samples
 from .mesh_data import MeshProblem
 
 _OF_BEZIER = {'co': 3, 'handle_left': 3, 'handle_right': 3, 'tilt': 1, 'radius': 1}
 _OF_POINT = {'co': 4, 'tilt': 1, 'radius': 1}
+# Of each bone; even. A joint is rounded over two of them, an eighth of each bone.
+_SAMPLES_OF_BONE = 8
+_BONES = 'bones'
 
 
 class RestCurve(NamedTuple):
@@ -22,12 +27,67 @@ class RestCurve(NamedTuple):
 
 
 def has_curve(handle):
-    """Whether a curve moves the handle's vertices, each part of them by the part of the curve that is beside it."""
-    return handle.target is not None and handle.target.type == 'CURVE'
+    """Whether a curve or a chain of bones moves the handle's vertices, each part of them by what of it is beside."""
+    return handle.target is not None and handle.target.type in {'CURVE', 'ARMATURE'}
 
 
-def read(handle, depsgraph):
-    """The Samples of the handle's curve, in its object's space. Raises MeshProblem naming the handle."""
+def reads(handle):
+    """Yields what Blender has to evaluate for the handle, for dependency.depend_on(): (variable type, object, bone)."""
+    bone = handle.last_bone if handle.target.type == 'ARMATURE' else ""
+    yield 'TRANSFORMS', handle.target, bone
+    if handle.target.type == 'CURVE':
+        yield 'SINGLE_PROP', handle.target, ""
+
+
+def read(handle, ob, depsgraph):
+    """The Samples of the handle's curve or bones, in its object's space. ob: the mesh object. Raises MeshProblem naming
+    the handle."""
+    return _read_bones(handle, ob, depsgraph) if handle.target.type == 'ARMATURE' else _read_curve(handle, depsgraph)
+
+
+def _chain(handle, bones):
+    """[bone]: those from First Bone to Last Bone, of these. Raises MeshProblem."""
+    what, found = f"Handle '{handle.name}'", []
+    for name in filter(None, (handle.first_bone, handle.last_bone)):
+        if name not in bones:
+            raise MeshProblem(f"{what}: '{handle.target.name}' has no bone '{name}': choose another one.")
+    if not handle.last_bone:
+        raise MeshProblem(f"{what} follows bones of '{handle.target.name}': choose First Bone and Last Bone (Handles).")
+    bone, first = bones[handle.last_bone], handle.first_bone or handle.last_bone
+    while bone is not None:
+        found.insert(0, bone)
+        if bone.name == first:
+            return found
+        bone = bone.parent
+    raise MeshProblem(f"{what}: bone '{handle.last_bone}' isn't a child, or child of a child, of '{first}': exchange "
+                      "First Bone and Last Bone, or choose those of one chain.")
+
+
+def _read_bones(handle, ob, depsgraph):
+    chain = _chain(handle, handle.target.evaluated_get(depsgraph).pose.bones)
+    if any(modifier.type == 'ARMATURE' and modifier.object == handle.target and modifier.show_viewport
+           for modifier in ob.modifiers):
+        raise MeshProblem(f"Handle '{handle.name}': the armature '{handle.target.name}' poses this mesh by a modifier, "
+                          "too, so the bones would move it twice: remove that modifier, or take an empty on a bone.")
+    points, frames, radii = [], [], []
+    along = np.arange(_SAMPLES_OF_BONE)[:, None] / _SAMPLES_OF_BONE
+    for bone, following in zip(chain, [*chain[1:], None]):
+        matrix = np.array(bone.matrix, np.float64)[:3, :3]
+        end = following.head if following else bone.tail  # a chain may have gaps
+        points.append((1 - along) * np.array(bone.head) + along * np.array(end))
+        frames += [curve_motion.nearest_rotations(matrix)] * _SAMPLES_OF_BONE
+        radii += [np.sqrt(np.linalg.norm(matrix[:, 0]) * np.linalg.norm(matrix[:, 2]))] * _SAMPLES_OF_BONE
+    points, frames = np.concatenate([*points, [chain[-1].tail]]), np.array([*frames, frames[-1]])
+    joints = np.arange(_SAMPLES_OF_BONE, len(points) - 1, _SAMPLES_OF_BONE)
+    if len(joints):
+        frames[joints] = curve_motion.halfway(frames[_SAMPLES_OF_BONE // 2::_SAMPLES_OF_BONE])
+    if not np.isfinite(points).all():
+        raise MeshProblem(f"Handle '{handle.name}': a bone of '{handle.target.name}' has a place that is not a finite "
+                          "number: look at what moves it.")
+    return Samples(points, np.zeros(len(points)), np.array([*radii, radii[-1]]), False, frames)
+
+
+def _read_curve(handle, depsgraph):
     curve, what = handle.target, f"Handle '{handle.name}': its curve '{handle.target.name}'"
     evaluated = curve.evaluated_get(depsgraph)
     splines = evaluated.data.splines
@@ -42,6 +102,8 @@ def read(handle, depsgraph):
     finally:
         evaluated.to_mesh_clear()
     points = points.reshape(-1, 3).astype(np.float64)
+    if mesh is None:
+        raise MeshProblem(f"{what} isn't evaluated, as it is disabled in the viewport: enable it (it may be hidden).")
     if has_faces:
         raise MeshProblem(f"{what} has a thickness: set Extrude, Depth and Bevel (Data > Geometry) to none, and remove "
                           "modifiers that make faces.")
@@ -73,18 +135,27 @@ def _points(spline):
     return spline.bezier_points if spline.type == 'BEZIER' else spline.points
 
 
-def controls(curve):
-    """(c,) float32: the values of all control points of a curve object."""
+def controls(handle):
+    """(c,) float32: the values of all control points of the handle's curve, or the own transforms of its bones."""
     found = [np.empty(0, np.float32)]
-    for points, name, size in _channels(curve):
+    if handle.target.type == 'ARMATURE':
+        return np.array([bone.matrix_basis for bone in _chain(handle, handle.target.pose.bones)], np.float32).ravel()
+    for points, name, size in _channels(handle.target):
         values = np.empty(size * len(points), np.float32)
         points.foreach_get(name, values)
         found.append(values)
     return np.concatenate(found)
 
 
-def put_back(curve, values):
-    """Sets the control points to values of controls(). Does nothing if it has others now."""
+def put_back(handle, values):
+    """Sets them to values of controls(). Does nothing if there are others now."""
+    curve = handle.target
+    if curve.type == 'ARMATURE':
+        chain = _chain(handle, curve.pose.bones)
+        if len(values) == 16 * len(chain):
+            for bone, matrix in zip(chain, values.reshape(-1, 4, 4).tolist()):
+                bone.matrix_basis = Matrix(matrix)
+        return
     channels = list(_channels(curve))
     ends = np.cumsum([size * len(points) for points, _, size in channels])
     if len(ends) and ends[-1] == len(values):
@@ -116,20 +187,24 @@ def made_of(samples, name):
 def packed(rest):
     """A text, for unpacked()."""
     values = np.column_stack([rest.samples.points, rest.samples.tilts, rest.samples.radii])
+    if rest.samples.frames is not None:
+        values = np.column_stack([values, rest.samples.frames.reshape(-1, 9)])
     arrays = (values, rest.at, rest.controls)
-    return ' '.join([str(int(rest.samples.is_cyclic)), *(np.asarray(each, np.float32).tobytes().hex() or '-'
+    kind = _BONES if rest.samples.frames is not None else str(int(rest.samples.is_cyclic))
+    return ' '.join([kind, *(np.asarray(each, np.float32).tobytes().hex() or '-'
                                                          for each in arrays)])
 
 
 def unpacked(text):
     """The RestCurve; None of '' or a text that something else has written."""
     try:
-        is_cyclic, *parts = text.split(' ')
+        kind, *parts = text.split(' ')
         values, at, of_controls = (np.frombuffer(bytes.fromhex(part.strip('-')), np.float32) for part in parts)
-        values = values.reshape(-1, 5).astype(np.float64)
+        values = values.reshape(-1, 14 if kind == _BONES else 5).astype(np.float64)
     except ValueError:
         return None
     if len(values) < 2 or not (len(at) and np.isfinite(values).all() and np.isfinite(at).all()):
         return None
-    at = np.clip(at.astype(np.float64), 0, len(values) - (is_cyclic != '1'))
-    return RestCurve(Samples(values[:, :3], values[:, 3], values[:, 4], is_cyclic == '1'), at, of_controls)
+    at = np.clip(at.astype(np.float64), 0, len(values) - (kind != '1'))
+    frames = values[:, 5:].reshape(-1, 3, 3) if kind == _BONES else None
+    return RestCurve(Samples(values[:, :3], values[:, 3], values[:, 4], kind == '1', frames), at, of_controls)

@@ -6,7 +6,7 @@ import bpy
 
 from .. import session
 
-TYPES = {'EMPTY', 'CURVE'}  # of objects that may move a handle
+TYPES = {'EMPTY', 'CURVE', 'ARMATURE'}  # of objects that may move a handle
 # owners: {address of an empty: name of its handle's object, or None where it moves no handle}. object_count: when they
 # were searched.
 _known = session.Values(session.Until.REPLACED, owners={}, object_count=-1)

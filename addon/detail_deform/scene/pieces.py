@@ -54,7 +54,7 @@ class Pieces:
         for number, rest in self.rests.items():
             if not handle_curves.has_curve(subject.handles[number]):
                 continue  # its curve is gone, or an empty has taken its place
-            now = handle_curves.read(subject.handles[number], subject.depsgraph)
+            now = handle_curves.read(subject.handles[number], subject.ob, subject.depsgraph)
             _check(subject.handles[number], rest.samples, now)
             if _are_alike(rest.samples, now):
                 continue  # so they move as the curve's object does, without rounding errors
@@ -72,10 +72,19 @@ def _placed(samples, subject, transform):
     """The Samples in the subject's space. transform: (4, 4), of the curve's object in the mesh's local space."""
     linear = subject.space.linear.astype(np.float64) @ transform[:3, :3]
     shift = subject.space.linear.astype(np.float64) @ transform[:3, 3] + subject.space.shift
-    return samples._replace(points=samples.points @ linear.T + shift)
+    frames = samples.frames
+    if frames is not None:
+        frames = curve_motion.nearest_rotations(linear) @ frames
+    return samples._replace(points=samples.points @ linear.T + shift, frames=frames)
 
 
 def _check(handle, rest, now):
+    if (rest.frames is None) != (now.frames is None):
+        raise MeshProblem(f"Handle '{handle.name}' followed a curve or bones when it was bound, and '{handle.target.name}' "
+                          "is of the other kind: press Unbind and Bind.")
+    if rest.frames is not None and len(rest.points) != len(now.points):
+        raise MeshProblem(f"Handle '{handle.name}' follows another number of bones than when it was bound: undo that, or "
+                          "press Unbind and Bind.")
     if (len(rest.points), rest.is_cyclic) != (len(now.points), now.is_cyclic):
         raise MeshProblem(f"Handle '{handle.name}': its curve '{handle.target.name}' has {len(now.points)} points along "
                           f"it, {len(rest.points)} when it was bound, as control points, Resolution or kinds of "
@@ -85,12 +94,12 @@ def _check(handle, rest, now):
 def _are_alike(rest, now):
     """Whether the curve has its shape of rest, but for rounding to single precision."""
     return all(np.array_equal(np.asarray(a, np.float32), np.asarray(b, np.float32))
-               for a, b in zip(rest[:3], now[:3]))
+               for a, b in zip(rest, now) if a is not None)
 
 
 def present(subject):
     """{number: Samples} of the handles that have a curve. Raises MeshProblem."""
-    return {number: handle_curves.read(subject.handles[number], subject.depsgraph) for number in subject.own
+    return {number: handle_curves.read(subject.handles[number], subject.ob, subject.depsgraph) for number in subject.own
             if handle_curves.has_curve(subject.handles[number])}
 
 
@@ -103,7 +112,7 @@ def store(subject, curves, only_new, roles, positions):
         handle = subject.handles[number]
         rest = handle_curves.unpacked(handle.rest_curve) if only_new else None
         if rest is None and number in curves:
-            rest = handle_curves.RestCurve(curves[number], np.zeros(1), handle_curves.controls(handle.target))
+            rest = handle_curves.RestCurve(curves[number], np.zeros(1), handle_curves.controls(handle))
         held = np.flatnonzero(roles == number)
         if rest is None or not len(held):
             handle.property_unset('rest_curve')

@@ -35,8 +35,8 @@ def _make_empties(context, ob, handles):
         extent = next(placed)[1] if len(part) else 0.05 * max(ob.dimensions)
         size = max(extent, 1e-3)
         rest = handle_curves.unpacked(handle.rest_curve)
-        curve = handle_curves.made_of(rest.samples, handle.name) if rest else None
-        if not rest:  # a curve keeps the scale in which its points were
+        curve = handle_curves.made_of(rest.samples, handle.name) if rest and rest.samples.frames is None else None
+        if not curve:  # a curve keeps the scale in which its points were
             world = empties.without_shear(world, Vector((1, 1, 1)))
         empty, _ = empties.make(context, ob, handle.name, world, size, ob, curve=curve)
         handle.target = handle.own_target = empty
@@ -64,7 +64,7 @@ def to_rest(context, ob, handles):
     for handle in movable:
         home = handle_curves.unpacked(handle_rests.home_curve(handle))
         if home and handle_curves.has_curve(handle):
-            handle_curves.put_back(handle.target, home.controls)
+            handle_curves.put_back(handle, home.controls)
     for depth in sorted(by_depth):  # parents first: they move their children
         depsgraph = context.evaluated_depsgraph_get()
         for handle in by_depth[depth]:

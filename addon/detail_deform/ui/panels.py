@@ -5,7 +5,7 @@ import bpy
 
 from ..declared import COMPARED
 from ..follow import frame_results, handle_follower, hints, problem_vertices, slow_results, status, update_options
-from ..scene import cache_modifier, deform_modifier, handle_owners, offset_attribute, stack
+from ..scene import cache_modifier, deform_modifier, handle_curves, handle_owners, offset_attribute, stack
 from . import examples_panel
 from .parts import ModifierPanel, ToggleListMixin, draw_options, draw_text
 from .registration import registration
@@ -16,10 +16,14 @@ _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
 
 
+_ICONS = {'CURVE': 'CURVE_DATA', 'ARMATURE': 'ARMATURE_DATA'}  # of handles, by the type of what moves them
+
+
 class OBJECT_UL_detail_deform_handles(ToggleListMixin, bpy.types.UIList):
     @staticmethod
     def draw_content(row, settings, handle):
-        row.prop(handle, 'name', text="", emboss=False, icon='EMPTY_AXIS')
+        kind = handle.target.type if handle.target else 'EMPTY'
+        row.prop(handle, 'name', text="", emboss=False, icon=_ICONS.get(kind, 'EMPTY_AXIS'))
 
 
 def draw_state(layout, context, ob):
@@ -165,12 +169,18 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
             target = column.column()
             target.active = not handle.mirrors
             target.prop(handle, 'target')
+            if handle.target and handle.target.type == 'ARMATURE':
+                target.prop_search(handle, 'first_bone', handle.target.pose, 'bones')
+                target.prop_search(handle, 'last_bone', handle.target.pose, 'bones')
+            along_curve = handle_curves.has_curve(handle)
             column.prop_search(handle, 'mirrors', settings, 'handles')
             if handle.mirrors:
                 column.row().prop(handle, 'mirror_axis', expand=True)
-            column.row().prop(handle, 'symmetric', expand=True)
+            symmetric = column.row()
+            symmetric.active = not along_curve
+            symmetric.prop(handle, 'symmetric', expand=True)
             turns = column.row()
-            turns.active = not handle.mirrors  # it mirrors the rotation, too
+            turns.active = not (handle.mirrors or along_curve)  # it mirrors the rotation, too
             turns.prop(handle, 'turns', expand=True)
         layout.prop(settings, 'preview')
 
