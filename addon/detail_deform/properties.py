@@ -32,9 +32,9 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     target: PointerProperty(
         name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type in handle_owners.TYPES,
         update=callbacks.target_changed,
-        description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained. Or "
-                    "a curve along which they lie: its points, their tilt and radius move those beside them. Or an "
-                    "armature whose bones, from First Bone to Last Bone, do so")
+        description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained. "
+                    "Or a curve along which they lie: its points, their tilt and radius move those beside them. Or "
+                    "an armature whose bones, from First Bone to Last Bone, do so")
     first_bone: StringProperty(
         name="First Bone", update=callbacks.target_changed,
         description="Bone of the armature with which the chain begins. Empty: there is only the last one")

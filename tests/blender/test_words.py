@@ -14,14 +14,15 @@ from sentences import labels, native_sentences, refusals, texts
 MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
 # Blender's labels and other names. Any other word with a capital in a sentence has to be a label of the add-on.
 BLENDERS = {
-    "Add Modifier", "Add-ons", "Alembic", "Apply", "Armature", "Blender", "By Distance", "Clean Up", "Cloth", "Control",
-    "Ctrl+F", "Ctrl+V", "Deform", "Degenerate Dissolve", "Detail Deform", "EEVEE", "Edit", "Edit Mode", "Enter", "Esc",
-    "Euler", "F9", "Frame Range", "G", "Geometry Nodes", "Get Extensions", "Install", "Install from Disk",
-    "Levels Render", "Levels Viewport", "Live", "Lock Interface", "MB", "Make Local", "Make Single User", "Merge",
-    "Mesh", "Mesh Cache", "Mirror", "Modifiers", "Multires", "N", "New", "Object", "Object & Data", "Object Data",
-    "Old", "Output", "PC2", "Preferences", "Properties", "R", "Relations", "Relative", "Render", "S", "Select More",
-    "Selected Objects and Data", "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex",
-    "Visual Geometry to Mesh", "X", "Y", "Z"}
+    "Add Modifier", "Add-ons", "Alembic", "Alt+S", "Apply", "Armature", "Bevel", "Blender", "By Distance",
+    "Clean Up", "Cloth", "Control", "Ctrl+F", "Ctrl+T", "Ctrl+V", "Data", "Deform", "Degenerate Dissolve", "Depth",
+    "Detail Deform", "Edit Mode", "Edit", "EEVEE", "Enter", "Esc", "Euler", "Extrude", "F9", "Frame Range", "G",
+    "Geometry Nodes", "Geometry", "Get Extensions", "Install from Disk", "Install", "Levels Render",
+    "Levels Viewport", "Live", "Lock Interface", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache",
+    "Mesh", "Mirror", "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old",
+    "Output", "P", "PC2", "Preferences", "Properties", "R", "Relations", "Relative", "Render", "Resolution", "S",
+    "Select More", "Selected Objects and Data", "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab",
+    "Time Stretching", "Vertex", "Visual Geometry to Mesh", "X", "Y", "Z"}
 # Names of data that the add-on makes, and other words with a capital.
 OTHERS = {"UVs", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
           "… Mirrored", "… Match",

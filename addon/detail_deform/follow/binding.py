@@ -4,9 +4,9 @@
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_curves, handle_motions, handle_owners,
-                     handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base, proportions,
-                     pieces, renamed_groups, split, stack, start)
+from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_curves, handle_motions,
+                     handle_owners, handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base, pieces,
+                     proportions, renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
 from . import binding_content, handle_follower, hints, lifecycle, registry, roles

@@ -104,7 +104,7 @@ def difference(subject):
         return str(problem)
     for handle in subject.handles:
         if handle_curves.has_curve(handle) and not handle.rest_curve:
-            return f"Handle '{handle.name}' has got a curve since Bind, along which its vertices lie from the next one on."
+            return f"Handle '{handle.name}' has got a curve since Bind, which it follows from the next one on."
     if current[2] != bound_roles:
         return "The region, the handles or their vertex groups were changed since Bind."
     if current[3] == bound_options:

@@ -47,8 +47,9 @@ def _of_region(ob, found, edges):
                 yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: "
                        "enlarge it (By Radius).")
             else:
-                yield (f"The reach of handle '{handles[owner[part.numbers[0]]].name}' is a single row of vertices between "
-                       "handle and rest, which takes all of the motion: give its Reach more vertices, or none.")
+                name = handles[owner[part.numbers[0]]].name
+                yield (f"The reach of handle '{name}' is a single row of vertices between handle and rest, which "
+                       "takes all of the motion: give its Reach more vertices, or none.")
         if not part.is_whole or settings.region and fixed.any():
             rigid += [handles[owner[part.numbers[number]]].name for number in _move_as_a_whole(of_part, near)]
     if rigid:

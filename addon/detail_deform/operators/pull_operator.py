@@ -186,8 +186,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_pull_curve(PullOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_pull_curve'
     bl_label = "Pull by Curve with Detail Deform"
-    bl_description = ("A curve along the selected vertices, such as an edge loop, a strip or a whole limb, becomes their "
-                      "handle, with a region around it: move, tilt and scale its points, and the surface follows")
+    bl_description = ("A curve along the selected vertices, such as an edge loop, a strip or a whole limb, becomes "
+                      "their handle, with a region around it: move, tilt and scale its points, and the surface follows")
 
     points: IntProperty(
         name="Points", min=2, soft_max=16, max=64, default=5, description="Control points of the curve")
@@ -203,9 +203,8 @@ class OBJECT_OT_detail_deform_pull_curve(PullOperator, bpy.types.Operator):
         activate(context, pull.empty)
         for remark in pull.remarks:
             self.report({'WARNING'}, remark)
-        if not bpy.app.background:
-            bpy.ops.object.mode_set(mode='EDIT')
-        self.report({'INFO'}, "Move the curve's points (G), tilt them (Ctrl+T) or scale their radius (Alt+S)")
+        # Edit Mode is left to the user: what is undone there goes back to the last step that was taken outside of it.
+        self.report({'INFO'}, "Press Tab, then move the curve's points (G), tilt (Ctrl+T) or scale (Alt+S) them")
 
 
 def _check_mode(ob):

@@ -200,6 +200,11 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
         ob, _ = handle_owners.handle_of(context.active_object)
         return ob is not None and ob.name in context.view_layer.objects
 
+    def invoke(self, context, event):
+        if self.edit and context.active_object.type != 'EMPTY':
+            return {'PASS_THROUGH'}  # to what has an Edit Mode of its own: a curve, an armature
+        return self.execute(context)
+
     def execute(self, context):
         ob, number = handle_owners.handle_of(context.active_object)
         ob.detail_deform.handle_index = number

@@ -75,8 +75,8 @@ def stations(samples, found, count=MOST_STATIONS):
 
 
 def motions(rest, now, at):
-    """(k, 4, 4): the affine motion of each station. at: (k,) their parameters, ascending. An open curve begins without a
-    rotation but for what turns its tangent, a closed one with the rotation that fits all of its points best."""
+    """(k, 4, 4): the affine motion of each station. at: (k,) their parameters, ascending. An open curve begins without
+    a rotation but for what turns its tangent, a closed one with the rotation that fits all of its points best."""
     tangents, present = _tangents(rest), _tangents(now)
     rotations = _rotations(rest, now, _unit(tangents), _unit(present))
     middles, derivatives, begins, fractions = _at(rest, tangents, at)

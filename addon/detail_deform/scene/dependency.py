@@ -2,8 +2,8 @@
 """Keeps the empties and curves of a bound object evaluated even where they are hidden.
 
 A render doesn't evaluate objects that are disabled in renders, or are in a disabled collection, as those of rigs often
-are, so their transforms and shapes stay as they were. A driver on the bound object is a dependency on every object that it reads,
-which Blender then evaluates. The driver's value is not used.
+are, so their transforms and shapes stay as they were. A driver on the bound object is a dependency on every object that
+it reads, which Blender then evaluates. The driver's value is not used.
 """
 
 _PROPERTY = 'dependency'
@@ -11,9 +11,10 @@ _GEOMETRY = 'dimensions[0]'  # for which Blender evaluates the object's geometry
 
 
 def depend_on(ob, wanted):
-    """Makes the object depend on these, and on no others. wanted: [(variable type, object, bone)]: TRANSFORMS of an object,
-    or of its bone; SINGLE_PROP for its geometry. Only differences are written: each change makes Blender rebuild the
-    relations of the scene's dependency graph, and a new variable's name is compared with those of all others."""
+    """Makes the object depend on these, and on no others. wanted: [(variable type, object, bone)]: TRANSFORMS of an
+    object, or of its bone; SINGLE_PROP for its geometry. Only differences are written: each change makes Blender
+    rebuild the relations of the scene's dependency graph, and a new variable's name is compared with those of all
+    others."""
     needed = _needed(ob)
     if needed is None:
         release(ob)

@@ -48,8 +48,8 @@ def motions(subject, transforms):
     for number in subject.symmetric:
         handle = subject.handles[number]
         if handle_curves.has_curve(handle):
-            raise MeshProblem(f"Handle '{handle.name}' follows a curve, which nothing keeps symmetric: clear Symmetric, and "
-                              "make the curve so.")
+            raise MeshProblem(f"Handle '{handle.name}' follows a curve, which nothing keeps symmetric: clear "
+                              "Symmetric, and make the curve so.")
         if not handle.mirrors:
             result[number] = symmetric.motion(result[number], _reflections_of(handle), rests[number, :3, 3])
     return result[:, :3]

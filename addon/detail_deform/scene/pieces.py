@@ -46,8 +46,8 @@ class Pieces:
         return result
 
     def motions(self, subject, transforms, motions, turns):
-        """(motions, turns) of all pieces, (p, 3, 4) and (p, 3), in the subject's space, of those of handles. transforms:
-        (h, 4, 4) of local_transforms(). Raises MeshProblem."""
+        """(motions, turns) of all pieces, (p, 3, 4) and (p, 3), in the subject's space, of those of handles.
+        transforms: (h, 4, 4) of local_transforms(). Raises MeshProblem."""
         if not self.rests:
             return motions, turns
         of_pieces, turns_of_pieces = motions[self.owner], turns[self.owner]
@@ -80,14 +80,14 @@ def _placed(samples, subject, transform):
 
 def _check(handle, rest, now):
     if (rest.frames is None) != (now.frames is None):
-        raise MeshProblem(f"Handle '{handle.name}' followed a curve or bones when it was bound, and '{handle.target.name}' "
-                          "is of the other kind: press Unbind and Bind.")
+        raise MeshProblem(f"Handle '{handle.name}' followed a curve or bones when it was bound, and "
+                          f"'{handle.target.name}' is of the other kind: press Unbind and Bind.")
     if rest.frames is not None and len(rest.points) != len(now.points):
-        raise MeshProblem(f"Handle '{handle.name}' follows another number of bones than when it was bound: undo that, or "
-                          "press Unbind and Bind.")
+        raise MeshProblem(f"Handle '{handle.name}' follows another number of bones than when it was bound: undo that, "
+                          "or press Unbind and Bind.")
     if (len(rest.points), rest.is_cyclic) != (len(now.points), now.is_cyclic):
-        raise MeshProblem(f"Handle '{handle.name}': its curve '{handle.target.name}' has {len(now.points)} points along "
-                          f"it, {len(rest.points)} when it was bound, as control points, Resolution or kinds of "
+        raise MeshProblem(f"Handle '{handle.name}': its curve '{handle.target.name}' has {len(now.points)} points "
+                          f"along it, {len(rest.points)} when it was bound, as control points, Resolution or kinds of "
                           "handles were changed: undo that, or press Unbind and Bind.")
 
 

@@ -60,8 +60,8 @@ class Subject:
                 raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which is not there, is not "
                                   "enabled or mirrors another one: choose one with an empty in Mirrors (Handles).")
             if handle_curves.has_curve(self.handles[found[number]]):
-                raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which follows a curve: give it a "
-                                  "curve of its own, mirrored.")
+                raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which follows a curve: give it "
+                                  "a curve of its own, mirrored.")
         return found
 
     @functools.cached_property

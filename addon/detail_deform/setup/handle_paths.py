@@ -43,13 +43,28 @@ class Path(NamedTuple):
 
 
 def along(ob, vertices):
-    """The Path along these vertices. Raises MeshProblem."""
+    """The Path along these vertices; from a limb's root to its tip. Raises MeshProblem."""
     inside = np.zeros(len(ob.data.vertices), bool)
     inside[vertices] = True
     edges = mesh_data.edges(ob.data)
-    edges = np.searchsorted(vertices, edges[inside[edges].all(axis=1)])
+    within = inside[edges]
     points = start.deformed_positions(ob)[vertices].astype(np.float64)
-    neighbours = [[] for _ in vertices]
+    path = _path(points, np.searchsorted(vertices, edges[within.all(axis=1)]))
+    beside_others = np.searchsorted(vertices, edges[within & ~within.all(axis=1)[:, None]])
+    return path if path.is_closed or not len(beside_others) else _from_root(path, points[beside_others])
+
+
+def _from_root(path, beside_others):
+    """The open path from the end that is nearer to where the vertices adjoin others, as turns are counted from its
+    begin."""
+    samples = curve_motion.Samples(path.points, None, None, False)
+    nearest = curve_motion.parameters(samples, beside_others).mean()
+    return Path(path.points[::-1], False) if nearest > (len(path.points) - 1) / 2 + 1e-6 else path
+
+
+def _path(points, edges):
+    """The Path along points that these edges connect."""
+    neighbours = [[] for _ in points]
     for a, b in edges.tolist():
         length = float(np.linalg.norm(points[a] - points[b]))
         neighbours[a].append((b, length))
@@ -58,7 +73,7 @@ def along(ob, vertices):
     distances = _distances(neighbours, first)
     if not np.isfinite(distances).all():
         raise MeshProblem("The selected vertices aren't connected: select those along one curve, such as an edge loop.")
-    if len(vertices) < 2 or not distances.any():
+    if len(points) < 2 or not distances.any():
         raise MeshProblem("A curve needs a length: select an edge loop, a chain or a strip of vertices.")
     if max(map(len, neighbours)) <= 2:
         return _chain(points, neighbours, first)
@@ -152,7 +167,8 @@ def _centred(points, path):
         apart = np.linalg.norm(points - curve_motion.places(samples, found), axis=1).mean()
         count = int(np.clip(curve_motion.length(samples) / (_THICK * apart + 1e-30), 3, len(path.points)))
         _, parts = curve_motion.stations(samples, found, count)
-        means = np.stack([np.bincount(parts, points[:, axis]) for axis in range(3)], axis=1) / np.bincount(parts)[:, None]
+        sums = np.stack([np.bincount(parts, points[:, axis]) for axis in range(3)], axis=1)
+        means = sums / np.bincount(parts)[:, None]
         if not path.is_closed:
             means = np.concatenate([[_end(points, means)], means, [_end(points, means[::-1])]])
         path = Path(means, path.is_closed)

@@ -61,8 +61,8 @@ class Pull:
 
     def __init__(self, context, ob, radius=0.0, surface=None, falloff='MESH', curve_points=0):
         """radius: of the region, in world units; 0: guessed from the selection. surface: of selected_distances(), if
-        known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles. curve_points:
-        as for handle_setup.add_handles()."""
+        known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles.
+        curve_points: as for handle_setup.add_handles()."""
         self.radius, self.remarks, self._falloff, self._curve_points = radius, [], falloff, curve_points
         self._context, self._ob, self._surface = context, ob, surface
         self._had_modifier = deform_modifier.find(ob) is not None

@@ -22,6 +22,7 @@ import gpu
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import curves
 import everyday
 import handles
 import large
@@ -39,6 +40,7 @@ ROWS = {
                 handles.reopening),
     'transfers': (transfers.transferring, transfers.transferring_to_many),
     'pulls': (pulls.pulling, pulls.by_hand),
+    'curves': (curves.by_curve,),
     'everyday': (everyday.pulling_what_is_posed, everyday.deleting_an_empty, everyday.pulling_inside,
                  everyday.pulling_across_the_middle, everyday.pulling_a_whole_part, everyday.editing_a_cage),
     'results': (results.expressing, results.rendering, results.baking),
