@@ -61,10 +61,11 @@ class Pieces:
             mine = slice(self._first[number], self._first[number] + len(rest.at))
             # Its object moves the curve at rest as a whole; from there the curve goes to its present shape.
             by_object = transforms[number].astype(np.float64)
-            along = curve_motion.motions(_placed(rest.samples, subject, by_object), _placed(now, subject, by_object),
-                                         rest.at)
+            along, rotations = curve_motion.motions(_placed(rest.samples, subject, by_object),
+                                                    _placed(now, subject, by_object), rest.at)
             of_pieces[mine] = (along @ np.vstack([motions[number], [0, 0, 0, 1]]))[:, :3]
-            turns_of_pieces[mine] = curve_motion.turns(of_pieces[mine], turns[number])
+            turns_of_pieces[mine] = curve_motion.turns(
+                rotations @ curve_motion.nearest_rotations(motions[number][:, :3]), turns[number])
         return of_pieces, turns_of_pieces
 
 
