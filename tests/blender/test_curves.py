@@ -281,6 +281,48 @@ def test_rebinding_keeps_the_pose(straight):
     assert np.abs(evaluated(ob) - before)[chosen].max() < 0.02  # the vertex that was removed follows the others
 
 
+def test_a_copy_can_have_a_curve_of_its_own(limb):
+    ob, curve, chosen = limb
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    update()
+    activate(copy)
+    assert bpy.ops.object.detail_deform_own_empties() == {'FINISHED'}
+    own_curve = copy.detail_deform.handles[0].target
+    assert own_curve != curve and own_curve.data != curve.data
+    place(own_curve, copy, circle(along(copy, own_curve), 1.0))
+    assert moved(copy) > 0.5 and moved(ob) < 1e-6
+
+
+def test_undo_and_redo_follow(limb):
+    ob, curve, chosen = limb
+    name, curve_name = ob.name, curve.name
+    bpy.ops.ed.undo_push()
+    place(curve, ob, circle(along(ob, curve), 1.0))
+    bpy.ops.ed.undo_push()
+    bent = moved(ob)
+    bpy.ops.ed.undo()
+    assert bent > 0.5 and moved(bpy.data.objects[name]) < 1e-6
+    bpy.ops.ed.redo()
+    update()
+    assert abs(moved(bpy.data.objects[name]) - bent) < 1e-5
+
+
+def test_applying_a_scale_keeps_the_shape(limb):
+    ob, curve, chosen = limb
+    ob.scale = 2.0, 2.0, 2.0
+    update()
+    place(curve, ob, circle(along(ob, curve), 1.0))
+    before = evaluated(ob) * 2
+    activate(ob)
+    assert bpy.ops.object.transform_apply(location=False, rotation=False, scale=True) == {'FINISHED'}
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    bind(ob, keep_rest=True)
+    assert np.abs(evaluated(ob) - before).max() < 1e-3
+
+
 def test_what_a_curve_must_be_is_said(straight):
     ob, curve, _, places = straight
     settings = ob.detail_deform

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The path along vertices for which Pull by Curve makes a curve: an edge loop, a chain, a strip, a ring or a limb."""
 
-import heapq
 from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..scene import curve_motion, mesh_data, start
+from ..scene import components, curve_motion, mesh_data, start
 from ..scene.mesh_data import MeshProblem
 
 _ROUNDS = 3  # of centring
@@ -64,42 +63,46 @@ def _from_root(path, beside_others):
 
 def _path(points, edges):
     """The Path along points that these edges connect."""
-    neighbours = [[] for _ in points]
-    for a, b in edges.tolist():
-        length = float(np.linalg.norm(points[a] - points[b]))
-        neighbours[a].append((b, length))
-        neighbours[b].append((a, length))
-    first = next((v for v, near in enumerate(neighbours) if len(near) == 1), 0)
-    distances = _distances(neighbours, first)
+    degrees = np.bincount(edges.ravel(), minlength=len(points))
+    first = int((degrees == 1).argmax())
+    distances = _distances(points, edges, first)
     if not np.isfinite(distances).all():
         raise MeshProblem("The selected vertices aren't connected: select those along one curve, such as an edge loop.")
     if len(points) < 2 or not distances.any():
         raise MeshProblem("A curve needs a length: select an edge loop, a chain or a strip of vertices.")
-    if max(map(len, neighbours)) <= 2:
-        return _chain(points, neighbours, first)
-    first = int(distances.argmax())
-    return _spine(points, edges, _distances(neighbours, first))
+    if degrees.max() <= 2:
+        return _chain(points, edges, first)
+    return _spine(points, edges, _distances(points, edges, int(distances.argmax())))
 
 
-def _distances(neighbours, first):
-    """(n,): lengths of the shortest ways along edges."""
-    result, queue = np.full(len(neighbours), np.inf), [(0.0, first)]
+def _distances(points, edges, first):
+    """(n,): lengths of the shortest ways along edges. All vertices that have become nearer pass it on at once."""
+    begins, ends = np.concatenate([edges, edges[:, ::-1]]).T
+    order = np.argsort(begins, kind='stable')
+    ends, lengths = ends[order], np.linalg.norm(points[begins[order]] - points[ends[order]], axis=1)
+    counts = np.bincount(begins, minlength=len(points))
+    starts = np.cumsum(counts) - counts
+    result, nearer = np.full(len(points), np.inf), np.array([first])
     result[first] = 0
-    while queue:
-        so_far, vertex = heapq.heappop(queue)
-        if so_far > result[vertex]:
-            continue
-        for other, length in neighbours[vertex]:
-            if so_far + length < result[other]:
-                result[other] = so_far + length
-                heapq.heappush(queue, (so_far + length, other))
+    while len(nearer):
+        # The half-edges that begin at these vertices.
+        of = np.repeat(np.arange(len(nearer)), counts[nearer])
+        half = starts[nearer][of] + np.arange(len(of)) - (np.cumsum(counts[nearer]) - counts[nearer])[of]
+        found, targets = result[nearer][of] + lengths[half], ends[half]
+        better = found < result[targets]
+        np.minimum.at(result, targets[better], found[better])
+        nearer = np.unique(targets[better])
     return result
 
 
-def _chain(points, neighbours, first):
+def _chain(points, edges, first):
+    neighbours = [[] for _ in points]
+    for a, b in edges.tolist():
+        neighbours[a].append(b)
+        neighbours[b].append(a)
     order, before, vertex = [first], -1, first
     while True:
-        following = next((other for other, _ in neighbours[vertex] if other != before), -1)
+        following = next((other for other in neighbours[vertex] if other != before), -1)
         if following in {-1, first}:
             return Path(points[order], following == first and len(order) > 2)
         order.append(following)
@@ -113,7 +116,8 @@ def _spine(points, edges, distances):
     step = 1.5 * np.abs(mean[:, 0] - mean[:, 1]).max()  # so that a level is connected
     count = int(np.clip(distances.max() / step, 3, _MOST_LEVELS))
     level = np.minimum((distances * (count / distances.max())).astype(int), count - 1)
-    parts = _parts_of_levels(edges, level)
+    within = edges[level[edges[:, 0]] == level[edges[:, 1]]]
+    _, parts = np.unique(components.labels(len(level), within), return_inverse=True)
     centres, levels = [], []
     for part in range(parts.max() + 1):
         inside = parts == part
@@ -126,20 +130,6 @@ def _spine(points, edges, distances):
         return _around(points, centres, of_level)
     path = [points[level == k].mean(axis=0) for k in range(count) if (level == k).any()]
     return _centred(points, Path(np.array(path), False))
-
-
-def _parts_of_levels(edges, level):
-    """(n,): the number of the connected part of its level that each vertex is in."""
-    label = np.arange(len(level))
-    same = edges[level[edges[:, 0]] == level[edges[:, 1]]]
-    while True:
-        least = label.copy()
-        np.minimum.at(least, same[:, 0], label[same[:, 1]])
-        np.minimum.at(least, same[:, 1], label[same[:, 0]])
-        least = least[least]
-        if np.array_equal(least, label):
-            return np.unique(label, return_inverse=True)[1]
-        label = least
 
 
 def _around(points, centres, of_level):
