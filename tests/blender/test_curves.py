@@ -282,7 +282,7 @@ def test_rebinding_keeps_the_pose(straight):
 
 
 def test_a_copy_can_have_a_curve_of_its_own(limb):
-    ob, curve, chosen = limb
+    ob, curve, _ = limb
     copy = ob.copy()
     copy.data = ob.data.copy()
     bpy.context.scene.collection.objects.link(copy)
@@ -296,7 +296,7 @@ def test_a_copy_can_have_a_curve_of_its_own(limb):
 
 
 def test_undo_and_redo_follow(limb):
-    ob, curve, chosen = limb
+    ob, curve, _ = limb
     name, curve_name = ob.name, curve.name
     bpy.ops.ed.undo_push()
     place(curve, ob, circle(along(ob, curve), 1.0))
@@ -310,7 +310,7 @@ def test_undo_and_redo_follow(limb):
 
 
 def test_applying_a_scale_keeps_the_shape(limb):
-    ob, curve, chosen = limb
+    ob, curve, _ = limb
     ob.scale = 2.0, 2.0, 2.0
     update()
     place(curve, ob, circle(along(ob, curve), 1.0))

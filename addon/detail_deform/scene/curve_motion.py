@@ -42,7 +42,8 @@ def parameters(samples, positions):
         along = points @ ways.T - (begins * ways).sum(axis=1)
         fractions = np.clip(along / squared, 0, 1)
         # |x - b - f w|², without |x|², which is the same for all segments.
-        distances = (begins * begins).sum(axis=1) - 2 * points @ begins.T + fractions * (fractions * squared - 2 * along)
+        distances = (begins * begins).sum(axis=1) - 2 * points @ begins.T
+        distances += fractions * (fractions * squared - 2 * along)
         nearest = distances.argmin(axis=1)
         result[first:first + len(points)] = nearest + fractions[np.arange(len(points)), nearest]
     return result
@@ -80,7 +81,7 @@ def stations(samples, found, count=MOST_STATIONS):
 
 
 def motions(rest, now, at):
-    """((k, 4, 4), (k, 3, 3)): the affine motion of each station, and its rotation. at: (k,) their parameters, ascending.
+    """((k, 4, 4), (k, 3, 3)): the affine motion of each station, and its rotation. at: (k,) their parameters.
     An open curve begins without a rotation but for what turns its tangent, a closed one with the rotation that fits all
     of its points best."""
     tangents, present = _tangents(rest), _tangents(now)

@@ -4,8 +4,8 @@
 import bpy
 import numpy as np
 
-from desk import (activate, check, expect, in_view, new_scene, offsets, point_at, screenshot, settle, show_modifiers, surface,
-                  xdotool)
+from desk import (activate, check, expect, in_view, new_scene, offsets, point_at, screenshot, settle, show_modifiers,
+                  surface, xdotool)
 
 ROOT = 0.6  # of the tentacle, 4 long along X; its vertices up to ROOT aren't selected
 
