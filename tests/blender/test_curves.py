@@ -297,7 +297,7 @@ def test_a_copy_can_have_a_curve_of_its_own(limb):
 
 def test_undo_and_redo_follow(limb):
     ob, curve, _ = limb
-    name, curve_name = ob.name, curve.name
+    name = ob.name
     bpy.ops.ed.undo_push()
     place(curve, ob, circle(along(ob, curve), 1.0))
     bpy.ops.ed.undo_push()
