@@ -3,7 +3,7 @@
 struct that has the property and the context."""
 
 from .follow import binding, lifecycle, status
-from .scene import outside_base
+from .scene import handle_curves, outside_base
 from .ui import preview
 
 
@@ -30,6 +30,8 @@ def name_changed(self, context):
 
 
 def target_changed(self, context):
+    if self.id_data.detail_deform.signature and handle_curves.is_new(self):
+        lifecycle.compare(self.id_data)  # it has to be bound
     binding.targets_changed(self.id_data)
 
 

@@ -39,12 +39,13 @@ def test_parameters_are_exact_far_from_the_origin():
 
 def test_stations_are_equal_parts_of_the_length():
     uneven = samples(STRAIGHT[[0, 1, 2, 3, 40, 80]])
-    at, numbers = curve_motion.stations(uneven, np.linspace(0, 5, 5001), count=8)
+    every = np.linspace(0, 5, 5001)
+    at, numbers = curve_motion.stations(uneven, every, 8), curve_motion.parts(uneven, every, 8)
     lengths = curve_motion.places(uneven, at)[:, 0]
-    assert len(at) == 8 and (np.diff(numbers) >= 0).all()
+    assert len(at) == 8 and (np.diff(numbers) >= 0).all() and (curve_motion.parts(uneven, at, 8) == range(8)).all()
     for number in range(8):
-        inside = curve_motion.places(uneven, np.linspace(0, 5, 5001)[numbers == number])[:, 0]
-        assert 0.5 * number - 1e-9 <= inside.min() and inside.max() <= 0.5 * (number + 1) + 1e-9
+        inside = curve_motion.places(uneven, every[numbers == number])[:, 0]
+        assert 0.5 * number - 1e-3 <= inside.min() and inside.max() <= 0.5 * (number + 1) + 1e-9
         assert inside.min() <= lengths[number] <= inside.max()
 
 
@@ -55,8 +56,7 @@ def test_a_rigid_motion_moves_all_stations_by_it(is_cyclic):
     rotation, at = some_rotation(3), np.linspace(0, 39, 17)
     # An open curve begins without a twist: about an axis across its first tangent, there is none.
     if not is_cyclic:
-        first = np.gradient(points, axis=0, edge_order=2)[0]
-        axis = np.cross(first, (0.3, 1, 0.2))
+        axis = np.cross(curve_motion._tangents(samples(points))[0], (0.3, 1, 0.2))
         axis /= np.linalg.norm(axis)
         cross = np.cross(np.eye(3), axis).T
         rotation = np.eye(3) + np.sin(1.1) * cross + (1 - np.cos(1.1)) * cross @ cross
@@ -121,6 +121,37 @@ def test_tilt_radius_and_stretch():
         assert np.allclose(motion[:3, 0], (1.5, 0, 0))
         assert np.allclose(motion[:3, 1], radius[k] * np.array([0, np.cos(angle[k]), np.sin(angle[k])]))
     assert np.allclose(curve_motion.turns(rotations, np.zeros(3))[:, 0], angle)
+
+
+@pytest.mark.parametrize('ratio', [0.34, 0.1, 0.01])
+def test_points_at_uneven_distances(ratio):
+    """A short first segment neither turns the tangent at the end nor tears the motions beside it."""
+    lengths = np.append([ratio, 1], np.ones(6))
+    curve = np.stack([np.append(0, np.cumsum(lengths)), np.zeros(9), np.zeros(9)], axis=1)
+    noise = 0.02 * np.random.default_rng(4).normal(size=(9, 3)) * np.append([0, ratio], np.ones(7))[:, None]
+    motions, rotations = curve_motion.motions(samples(curve), samples(curve + noise), np.linspace(0, 8, 33))
+    assert np.abs(curve_motion.turns(rotations, np.zeros(3))).max() < 0.2
+    assert np.allclose(np.linalg.det(motions[:, :3, :3]), 1, atol=0.15)
+
+
+def test_stations_do_not_depend_on_rounding():
+    rings = np.linspace(0, 4, 161)  # on the borders of 64 parts, and between
+    points = np.stack([rings, np.full(161, 0.3), np.zeros(161)], axis=1)
+    expected = curve_motion.parts(samples(STRAIGHT), curve_motion.parameters(samples(STRAIGHT), points), 64)
+    for seed in range(20):
+        noise = 4e-7 * np.random.default_rng(seed).normal(size=points.shape)
+        found = curve_motion.parameters(samples(STRAIGHT), points + noise)
+        assert (curve_motion.parts(samples(STRAIGHT), found, 64) == expected).all()
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ring = samples(np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1), is_cyclic=True)
+    poles = np.stack([np.zeros(9), np.zeros(9), np.linspace(-1, 1, 9)], axis=1)  # as far from each segment
+    assert len(set(curve_motion.parameters(ring, poles).astype(int))) == 1
+
+
+def test_a_radius_of_zero_at_rest_has_no_ratio():
+    tapered = samples(STRAIGHT, radii=np.linspace(1, 0, 81))
+    motions, _ = curve_motion.motions(tapered, tapered._replace(points=STRAIGHT + (0, 0, 1)), np.array([40.0, 80.0]))
+    assert np.allclose(motions[:, :3, :3], np.eye(3))
 
 
 def test_degenerate_curves_give_numbers():

@@ -345,9 +345,12 @@ def test_what_a_curve_must_be_is_said(straight):
     assert "has no length" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
 
 
-def test_a_curve_in_place_of_an_empty_counts_from_the_next_bind_on():
+@pytest.mark.parametrize('keep_rest', [False, True])
+def test_a_curve_in_place_of_an_empty_counts_from_the_next_bind_on(keep_rest):
     ob = make_strip()
     bind(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.1
+    update()
     curve = bpy.data.objects.new("Line", bpy.data.curves.new("Line", 'CURVE'))
     bpy.context.scene.collection.objects.link(curve)
     curve.data.dimensions = '3D'
@@ -355,17 +358,88 @@ def test_a_curve_in_place_of_an_empty_counts_from_the_next_bind_on():
     spline.points.add(4)
     for number, point in enumerate(spline.points):
         point.co = (1, number / 4, 0, 1)
+    update()
+    before = evaluated(ob)
     ob.detail_deform.handles[0].target = curve
     update()
-    bpy.ops.object.mode_set(mode='EDIT')
-    bpy.ops.object.mode_set(mode='OBJECT')
-    bind(ob)
+    assert "has got a curve since Bind" in ob.detail_deform.status
+    assert np.array_equal(evaluated(ob), before)
+    bind(ob, keep_rest=keep_rest)
+    before = before if keep_rest else own(ob)
+    assert np.abs(evaluated(ob) - before).max() < 1e-5
     spline.points[0].co.z = 0.5
     curve.data.update_tag()
     update()
     right = members(ob, 'right')
-    raised = (evaluated(ob) - own(ob))[right, 2]
-    assert raised[own(ob)[right, 1] < 0.01].min() > 0.4 and np.abs(raised[own(ob)[right, 1] > 0.5]).max() < 0.05
+    raised = (evaluated(ob) - before)[right, 2]
+    assert raised[own(ob)[right, 1] < 0.01].min() > 0.35 and np.abs(raised[own(ob)[right, 1] > 0.5]).max() < 0.05
+
+
+def test_a_curve_added_to_a_deformed_mesh(limb):
+    """All Back to Rest straightens both curves, and the mesh."""
+    ob, curve, _ = limb
+    rest = along(ob, curve)
+    place(curve, ob, circle(rest, 2.0))
+    bent = evaluated(ob)
+    other = pull(ob, ring_of(ob, 0.5), points=6, radius=0.3)
+    assert np.abs(evaluated(ob) - bent).max() < 1e-4
+    for point in points(other):
+        point.co.x += 0.05
+    place(curve, ob, circle(rest, 1.5))
+    activate(ob)
+    assert bpy.ops.object.detail_deform_handle_reset(everything=True) == {'FINISHED'}
+    update()
+    assert np.abs(along(ob, curve) - rest).max() < 1e-4 and moved(ob) < 1e-3
+    place(curve, ob, circle(rest, 2.0))
+    assert np.abs(evaluated(ob) - bent).max() < 0.02
+
+
+def test_a_mirroring_handle_needs_no_curve_of_its_own(limb):
+    ob, _, chosen = limb
+    empty = add_empty("Empty", (0, 0, 0))
+    group(ob, "Ring", np.flatnonzero(ring_of(ob, 0.5)))
+    handle = add_handle(ob, "Ring", empty)
+    handle.name = "First"
+    group(ob, "Other", np.flatnonzero(chosen))
+    ob.detail_deform.handles[0].mirrors, ob.detail_deform.handles[0].mirror_axis = "First", 'Z'
+    bind(ob)
+    empty.location.z = 0.1
+    update()
+    assert np.allclose((evaluated(ob) - own(ob))[chosen], (0, 0, -0.1), atol=1e-5)
+    assert not ob.detail_deform.stale
+
+
+def test_mirroring_a_curve_is_refused_and_keeps_the_binding(limb):
+    ob, curve, _ = limb
+    activate(ob)
+    assert "can't be mirrored" in refusal(bpy.ops.object.detail_deform_handle_mirror, axis='Z')
+    group(ob, "Ring", np.flatnonzero(ring_of(ob, 0.5)))
+    handle = add_handle(ob, "Ring", None)
+    handle.mirrors, signature = ob.detail_deform.handles[0].name, ob.detail_deform.signature
+    assert "which follows a curve" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    assert ob.detail_deform.signature == signature
+
+
+def test_another_resolution_in_renders_is_refused(limb):
+    ob, curve, _ = limb
+    curve.data.render_resolution_u = 24
+    curve.data.update_tag()
+    update()
+    assert "another resolution in renders" in ob.detail_deform.status
+    curve.data.render_resolution_u = 0
+    curve.data.update_tag()
+    update()
+    assert ob.detail_deform.is_bound and "Bound" in ob.detail_deform.status
+
+
+def test_a_deleted_curve_leaves_the_mesh_bent(limb):
+    ob, curve, _ = limb
+    place(curve, ob, circle(along(ob, curve), 1.0))
+    bent = evaluated(ob)
+    bpy.data.objects.remove(curve)
+    ob.update_tag()
+    update()
+    assert np.abs(evaluated(ob) - bent).max() < 1e-5
 
 
 def test_mirrors_and_symmetry_are_refused(straight):

@@ -76,6 +76,9 @@ def _store_rests(subject, roles_of_vertices, wait, keep_rest):
                               "for it, and bind then.")
         lifecycle.settle(ob)  # the final result of the present pose is the new start
     handle_follower.clear_binding(settings)  # from here on an error leaves no binding
+    for handle in filter(handle_curves.is_new, subject.handles):
+        for name in handle_rests.BINDING_PROPERTIES:
+            handle.property_unset(name)  # those of the empty that it had
     if settings.base == 'OBJECT':
         # Blender evaluates a hidden base object only if a modifier depends on it.
         stack.ensure_modifier(ob)
@@ -111,7 +114,8 @@ def _poses(subject, roles_of_vertices, only_new):
     rest."""
     chosen = {number: subject.handles[number].target for number in subject.own}
     chosen = {number: empty for number, empty in chosen.items()
-              if empty and not (only_new and handle_rests.has_rest(subject.handles[number]))}
+              if empty and not (only_new and handle_rests.has_rest(subject.handles[number])
+                                and not handle_curves.is_new(subject.handles[number]))}
     if not chosen or not displayed.needs_measuring(subject.ob) or subject.settings.base == 'OBJECT':
         return dict.fromkeys(chosen)
     order = np.argsort(roles_of_vertices, kind='stable')

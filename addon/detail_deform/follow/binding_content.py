@@ -103,7 +103,7 @@ def difference(subject):
     except MeshProblem as problem:
         return str(problem)
     for handle in subject.handles:
-        if handle_curves.has_curve(handle) and not handle.rest_curve:
+        if handle_curves.is_new(handle):
             return f"Handle '{handle.name}' has got a curve since Bind, which it follows from the next one on."
     if current[2] != bound_roles:
         return "The region, the handles or their vertex groups were changed since Bind."

@@ -20,6 +20,7 @@ class FrameResult:
         self.key = key  # equal keys mean equal results
         self.moves = True  # whether any offset is non-zero
         self.transforms = None  # of the empties of enabled handles, in the object's space
+        self.of_pieces = None  # (motions, turns) of the handles' pieces, as of Pieces.motions()
         self.only_moved = ()  # names of the handles that were translated without a rotation or scale
         self.example_weights = ()  # the weight of each example in the pose
         self.is_final = True  # no slower, better result of the same pose is to replace it

@@ -216,11 +216,15 @@ class Frame:
         transforms = handle_transforms.local_transforms(subject, last=record and record.transforms)
         motions = handle_motions.motions(subject, transforms)
         only_moved = handle_motions.are_translations(motions) & ~subject.are_free
+        only_moved[list(subject.pieces.rests)] = False  # their points may have moved otherwise
         self._only_moved = [subject.handles[number].name for number in np.flatnonzero(only_moved)]
-        turns, knows_turns = np.zeros((len(motions), 3)), update_options.knows_whole_turns(of)
-        if of.base != 'OBJECT' and knows_turns:
+        turns = np.zeros((len(motions), 3))
+        knows_turns = of.base != 'OBJECT' and update_options.knows_whole_turns(of)
+        if knows_turns:
             turns = handle_motions.turn_vectors(subject, transforms)
-        self._motions, turns = subject.pieces.motions(subject, transforms, subject.space.motions(motions), turns)
+        self._of_pieces = subject.pieces.motions(subject, transforms, subject.space.motions(motions), turns,
+                                                 last=record and record.of_pieces)
+        self._motions, turns = self._of_pieces
         self._turns, self._base = turns if knows_turns else np.zeros_like(turns), None
         self._transforms = None if of.base == 'OBJECT' else transforms[subject.own]
         arguments, self._soft_border = update_options.arguments(of), update_options.soft_border(of)
@@ -265,6 +269,7 @@ class Frame:
         """As kind.Frame: completes the record, and starts the slow result, or waits for it."""
         of = self._ob.detail_deform
         record.transforms, record.only_moved = self._transforms, self._only_moved
+        record.of_pieces = self._of_pieces
         if self.is_draft:
             record.draft, record.is_final = self, False
             return

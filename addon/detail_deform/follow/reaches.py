@@ -43,7 +43,8 @@ class Part:
         self.numbers, self.vertices, self.triangle_numbers = numbers, vertices, triangle_numbers
         self.positions, self.triangles, self.roles = positions, triangles, roles
         self.size = float(np.abs(positions).max(initial=0))
-        self.held = [np.flatnonzero(roles == number) for number in range(len(numbers))]
+        order = np.argsort(roles, kind='stable')
+        self.held = np.split(order, np.searchsorted(roles[order], np.arange(len(numbers) + 1)))[1:-1]
         self._ways = self._smooth = None
 
     @property

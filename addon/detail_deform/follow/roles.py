@@ -41,15 +41,14 @@ def in_pieces(found, subject):
     pieces = subject.pieces
     if not pieces.rests:
         return found._replace(pieces=pieces)
-    of_all = pieces.of_vertices(found.of_all, subject, subject.space.to(start.shape(subject.ob)))
-    parts = []
+    positions, parts = subject.space.to(start.shape(subject.ob)), []
     for part in found.parts:
-        numbers, of_part = pieces.of_handles(part.numbers), part.roles.copy()
-        held = of_part >= 0
-        own = of_all if part.is_whole else of_all[part.vertices]
-        of_part[held] = np.searchsorted(numbers, own[held])
+        numbers, held = pieces.of_handles(part.numbers), part.roles >= 0
+        of_part = np.where(held, part.numbers[np.maximum(part.roles, 0)], part.roles).astype(part.roles.dtype)
+        of_part = pieces.of_vertices(of_part, subject, positions if part.is_whole else positions[part.vertices])
+        of_part[held] = np.searchsorted(numbers, of_part[held])
         parts.append(part._replace(numbers=numbers, roles=of_part))
-    return Roles(of_all, parts, pieces)
+    return Roles(pieces.of_vertices(found.of_all, subject, positions), parts, pieces)
 
 
 def of_handles(subject, entries=None, welded=None):

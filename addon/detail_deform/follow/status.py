@@ -174,9 +174,10 @@ def _remarks(ob, info):
         yield ("The only handle takes the whole mesh along, because nothing holds it: make a region (By Radius), or "
                "add a handle that stays.")
     subject = Subject(ob)
+    owner = subject.pieces.owner[info.idle_handle_example] if info.idle_handle_count else None
     # A curve may have stations within its vertices, beside which nothing is free.
-    if info.idle_handle_count and not subject.pieces.rests:
-        idle = subject.handles[subject.pieces.owner[info.idle_handle_example]]
+    if owner is not None and owner not in subject.pieces.rests:
+        idle = subject.handles[owner]
         idle_ones = f"{_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle.name}')"
         if idle.reach:
             yield (f"Nothing follows {idle_ones}: no vertex of its reach is beside it. Give its Reach more vertices, "

@@ -17,7 +17,13 @@ import numpy as np
 # Stations of a curve at most. A limb that is bent by half a turn is off by κ h² / 8 = π / (8 · 64²) = 1e-4 of its
 # length between two of them. An update of 42,000 vertices takes 1.2 to 1.4 times that with five empties.
 MOST_STATIONS = 64
-_AT_ONCE = 10_000  # positions: 5 MB for each of a few arrays of curves of 64 samples
+_AT_ONCE = 640_000  # distances: 5 MB for each of a few arrays
+# Fraction of a station by which borders are shifted: rings of a regular mesh lie on equal parts of its length, where
+# rounding, which differs from processor to processor, would decide. Far above that, and far below a station.
+_SHIFT = 1e-3
+# Fraction of the curve's size squared: distances that differ by less count as equal, for the same reason.
+_EQUAL = 1e-9
+_NO_RADIUS = 1e-6  # of Blender's radii, which are 1 by default: where there was none, there is no ratio to it
 
 
 class Samples(NamedTuple):
@@ -37,14 +43,15 @@ def parameters(samples, positions):
     begins, positions = begins - middle, positions - middle
     squared = np.maximum((ways * ways).sum(axis=1), np.finfo(float).tiny)
     result = np.empty(len(positions))
-    for first in range(0, len(positions), _AT_ONCE):
-        points = positions[first:first + _AT_ONCE]
+    at_once, equal = max(1, _AT_ONCE // len(ways)), _EQUAL * (begins * begins).sum(axis=1).max()
+    for first in range(0, len(positions), at_once):
+        points = positions[first:first + at_once]
         along = points @ ways.T - (begins * ways).sum(axis=1)
         fractions = np.clip(along / squared, 0, 1)
         # |x - b - f w|², without |x|², which is the same for all segments.
         distances = (begins * begins).sum(axis=1) - 2 * points @ begins.T
         distances += fractions * (fractions * squared - 2 * along)
-        nearest = distances.argmin(axis=1)
+        nearest = (distances <= distances.min(axis=1, keepdims=True) + equal).argmax(axis=1)
         result[first:first + len(points)] = nearest + fractions[np.arange(len(points)), nearest]
     return result
 
@@ -68,16 +75,19 @@ def length(samples):
     return _lengths(_segments(samples)[1]).sum()
 
 
-def stations(samples, found, count=MOST_STATIONS):
-    """(parameters, numbers): of the stations that hold any of these parameters, and of each its station. A station is
-    one of count equal parts of the curve's length, and its parameter the mean of those in it."""
+def parts(samples, found, count):
+    """(m,) int: which of count equal parts of the curve's length each of these parameters is in."""
     _, ways = _segments(samples)
     ends = np.append(0, np.cumsum(np.linalg.norm(ways, axis=1)))
     whole = np.minimum(found.astype(int), len(ways) - 1)
     along = ends[whole] + (found - whole) * (ends[whole + 1] - ends[whole])
-    parts = np.minimum((along * (count / max(ends[-1], np.finfo(float).tiny))).astype(int), count - 1)
-    _, numbers = np.unique(parts, return_inverse=True)
-    return np.bincount(numbers, found) / np.bincount(numbers), numbers
+    return np.minimum((along * (count / max(ends[-1], np.finfo(float).tiny)) + _SHIFT).astype(int), count - 1)
+
+
+def stations(samples, found, count):
+    """(k,): the parameters of the stations, those of the parts that hold any of these parameters: the mean in each."""
+    _, numbers = np.unique(parts(samples, found, count), return_inverse=True)
+    return np.bincount(numbers, found) / np.bincount(numbers)
 
 
 def motions(rest, now, at):
@@ -91,7 +101,8 @@ def motions(rest, now, at):
     rotations = _between(rotations, begins, fractions)
     along = _unit(derivatives)
     stretch = _lengths(moved_derivatives) / np.maximum(_lengths(derivatives), np.finfo(float).tiny)
-    radii = _scalars(now.radii, begins, fractions) / np.maximum(_scalars(rest.radii, begins, fractions), 1e-6)
+    before, radii = (_scalars(each.radii, begins, fractions) for each in (rest, now))
+    radii = np.where(before > _NO_RADIUS, radii / np.maximum(before, _NO_RADIUS), 1)
     scales = radii[:, None, None] * np.eye(3) + (stretch - radii)[:, None, None] * along[:, :, None] * along[:, None]
     result = np.zeros((len(at), 4, 4))
     result[:, :3, :3], result[:, 3, 3] = rotations @ scales, 1
@@ -99,12 +110,25 @@ def motions(rest, now, at):
     return result, rotations
 
 
+def _segment_lengths(samples):
+    """(s,): at least 1e-9 of the whole, as they are divided by."""
+    lengths = _lengths(_segments(samples)[1])
+    return np.maximum(lengths, max(1e-9 * lengths.sum(), np.finfo(float).tiny))
+
+
 def _tangents(samples):
-    """(n, 3): derivatives by the parameter."""
-    points = np.asarray(samples.points, np.float64)
+    """(n, 3): derivatives by the length: of the parabola through three points at each, whose distances may differ."""
+    lengths = _segment_lengths(samples)[:, None]
+    units = _segments(samples)[1] / lengths
     if samples.is_cyclic:
-        return (np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)) / 2
-    return np.gradient(points, axis=0, edge_order=min(2, len(points) - 1))
+        before, first = np.roll(units, 1, axis=0), np.roll(lengths, 1, axis=0)
+        return (before * lengths + units * first) / (first + lengths)
+    if len(units) == 1:
+        return np.repeat(units, 2, axis=0)
+    inside = (units[:-1] * lengths[1:] + units[1:] * lengths[:-1]) / (lengths[:-1] + lengths[1:])
+    begin = units[:1] + (units[:1] - units[1:2]) * lengths[0] / (lengths[0] + lengths[1])
+    end = units[-1:] + (units[-1:] - units[-2:-1]) * lengths[-1] / (lengths[-1] + lengths[-2])
+    return np.concatenate([begin, inside, end])
 
 
 def _lengths(vectors):
@@ -219,7 +243,8 @@ def _at(samples, tangents, at):
     begins = np.minimum(at.astype(int), count - 1 if samples.is_cyclic else count - 2)
     t = (at - begins)[:, None]
     p, q = samples.points[begins], samples.points[(begins + 1) % count]
-    u, v = tangents[begins], tangents[(begins + 1) % count]
+    scale = _segment_lengths(samples)[begins][:, None]
+    u, v = scale * tangents[begins], scale * tangents[(begins + 1) % count]
     places = (1 + 2 * t) * (1 - t)**2 * p + t * (1 - t)**2 * u + t**2 * (3 - 2 * t) * q + t**2 * (t - 1) * v
     derivatives = 6 * t * (t - 1) * (p - q) + (1 - t) * (1 - 3 * t) * u + t * (3 * t - 2) * v
     return places, derivatives, begins, t[:, 0]

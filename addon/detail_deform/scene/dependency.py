@@ -34,6 +34,7 @@ def depend_on(ob, wanted):
         if kind == 'TRANSFORMS':
             variable.targets[0].transform_type, variable.targets[0].bone_target = 'LOC_X', bone
         else:
+            variable.targets[0].bone_target = ""
             variable.targets[0].data_path = _GEOMETRY
 
 

@@ -22,13 +22,19 @@ _BONES = 'bones'
 class RestCurve(NamedTuple):
     """A curve as it was at Bind, in its object's space."""
     samples: Samples
+    count: int  # of equal parts of its length, those of which that hold vertices are stations
     at: Any  # (k,) float32: parameters of its stations
     controls: Any  # (c,) float32: values of its control points, to be put back
 
 
 def has_curve(handle):
     """Whether a curve or a chain of bones moves the handle's vertices, each part of them by what of it is beside."""
-    return handle.target is not None and handle.target.type in {'CURVE', 'ARMATURE'}
+    return not handle.mirrors and handle.target is not None and handle.target.type in {'CURVE', 'ARMATURE'}
+
+
+def is_new(handle):
+    """Whether the handle has got a curve since it was bound."""
+    return has_curve(handle) and not handle.rest_curve
 
 
 def reads(handle):
@@ -64,7 +70,7 @@ def _chain(handle, bones):
 
 
 def _read_bones(handle, ob, depsgraph):
-    chain = _chain(handle, handle.target.evaluated_get(depsgraph).pose.bones)
+    chain = _chain(handle, _pose_bones(handle.target.evaluated_get(depsgraph)))
     if any(modifier.type == 'ARMATURE' and modifier.object == handle.target and modifier.show_viewport
            for modifier in ob.modifiers):
         raise MeshProblem(f"Handle '{handle.name}': the armature '{handle.target.name}' poses this mesh by a modifier, "
@@ -72,7 +78,11 @@ def _read_bones(handle, ob, depsgraph):
     points, frames, radii = [], [], []
     along = np.arange(_SAMPLES_OF_BONE)[:, None] / _SAMPLES_OF_BONE
     for bone, following in zip(chain, [*chain[1:], None]):
-        matrix = np.array(bone.matrix, np.float64)[:3, :3]
+        matrix = np.array(bone.matrix, np.float64)
+        if not (np.isfinite(matrix).all() and np.isfinite(bone.tail).all()):
+            raise MeshProblem(f"Handle '{handle.name}': a bone of '{handle.target.name}' has a place that is not a "
+                              "finite number: look at what moves it.")
+        matrix = matrix[:3, :3]
         end = following.head if following else bone.tail  # a chain may have gaps
         points.append((1 - along) * np.array(bone.head) + along * np.array(end))
         frames += [curve_motion.nearest_rotations(matrix)] * _SAMPLES_OF_BONE
@@ -81,10 +91,11 @@ def _read_bones(handle, ob, depsgraph):
     joints = np.arange(_SAMPLES_OF_BONE, len(points) - 1, _SAMPLES_OF_BONE)
     if len(joints):
         frames[joints] = curve_motion.halfway(frames[_SAMPLES_OF_BONE // 2::_SAMPLES_OF_BONE])
-    if not np.isfinite(points).all():
-        raise MeshProblem(f"Handle '{handle.name}': a bone of '{handle.target.name}' has a place that is not a finite "
-                          "number: look at what moves it.")
     return Samples(points, np.zeros(len(points)), np.array([*radii, radii[-1]]), False, frames)
+
+
+def _pose_bones(armature):
+    return armature.pose.bones if armature.pose else {}  # a new one has no pose yet
 
 
 def _read_curve(handle, depsgraph):
@@ -93,6 +104,10 @@ def _read_curve(handle, depsgraph):
     splines = evaluated.data.splines
     if len(splines) != 1:
         raise MeshProblem(f"{what} has {len(splines)} splines: leave one, along which its vertices follow.")
+    in_renders = evaluated.data.render_resolution_u
+    if splines[0].type != 'POLY' and in_renders not in {0, splines[0].resolution_u}:
+        raise MeshProblem(f"{what} has another resolution in renders, so its points there are others: set Render U "
+                          "(Data > Shape) to 0.")
     mesh = evaluated.to_mesh()
     try:
         points = np.empty(3 * len(mesh.vertices) if mesh else 0, np.float32)
@@ -109,9 +124,9 @@ def _read_curve(handle, depsgraph):
                           "modifiers that make faces.")
     if len(points) < 2 or not np.ptp(points, axis=0).any():
         raise MeshProblem(f"{what} has no length: give it at least two points at different places.")
-    if not np.isfinite(points).all():
-        raise MeshProblem(f"{what} has a point whose place is not a finite number: look at what moves it.")
     tilts, radii = _along(splines[0], len(points))
+    if not all(np.isfinite(each).all() for each in (points, tilts, radii)):
+        raise MeshProblem(f"{what} has a point whose place is not a finite number: look at what moves it.")
     return Samples(points, tilts, radii, splines[0].use_cyclic_u)
 
 
@@ -139,7 +154,7 @@ def controls(handle):
     """(c,) float32: the values of all control points of the handle's curve, or the own transforms of its bones."""
     found = [np.empty(0, np.float32)]
     if handle.target.type == 'ARMATURE':
-        return np.array([bone.matrix_basis for bone in _chain(handle, handle.target.pose.bones)], np.float32).ravel()
+        return np.array([bone.matrix_basis for bone in _chain(handle, _pose_bones(handle.target))], np.float32).ravel()
     for points, name, size in _channels(handle.target):
         values = np.empty(size * len(points), np.float32)
         points.foreach_get(name, values)
@@ -148,10 +163,13 @@ def controls(handle):
 
 
 def put_back(handle, values):
-    """Sets them to values of controls(). Does nothing if there are others now."""
+    """Sets them to values of controls(). Does nothing if there are others now, or bones that are gone."""
     curve = handle.target
     if curve.type == 'ARMATURE':
-        chain = _chain(handle, curve.pose.bones)
+        try:
+            chain = _chain(handle, _pose_bones(curve))
+        except MeshProblem:
+            return
         if len(values) == 16 * len(chain):
             for bone, matrix in zip(chain, values.reshape(-1, 4, 4).tolist()):
                 bone.matrix_basis = Matrix(matrix)
@@ -191,20 +209,20 @@ def packed(rest):
         values = np.column_stack([values, rest.samples.frames.reshape(-1, 9)])
     arrays = (values, rest.at, rest.controls)
     kind = _BONES if rest.samples.frames is not None else str(int(rest.samples.is_cyclic))
-    return ' '.join([kind, *(np.asarray(each, np.float32).tobytes().hex() or '-'
+    return ' '.join([kind, str(rest.count), *(np.asarray(each, np.float32).tobytes().hex() or '-'
                                                          for each in arrays)])
 
 
 def unpacked(text):
     """The RestCurve; None of '' or a text that something else has written."""
     try:
-        kind, *parts = text.split(' ')
+        kind, count, *parts = text.split(' ')
         values, at, of_controls = (np.frombuffer(bytes.fromhex(part.strip('-')), np.float32) for part in parts)
-        values = values.reshape(-1, 14 if kind == _BONES else 5).astype(np.float64)
+        values, count = values.reshape(-1, 14 if kind == _BONES else 5).astype(np.float64), int(count)
     except ValueError:
         return None
-    if len(values) < 2 or not (len(at) and np.isfinite(values).all() and np.isfinite(at).all()):
+    if len(values) < 2 or not (len(at) and count > 0 and np.isfinite(values).all() and np.isfinite(at).all()):
         return None
     at = np.clip(at.astype(np.float64), 0, len(values) - (kind != '1'))
     frames = values[:, 5:].reshape(-1, 3, 3) if kind == _BONES else None
-    return RestCurve(Samples(values[:, :3], values[:, 3], values[:, 4], kind == '1', frames), at, of_controls)
+    return RestCurve(Samples(values[:, :3], values[:, 3], values[:, 4], kind == '1', frames), count, at, of_controls)

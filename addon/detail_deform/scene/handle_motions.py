@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import euler_angles, handle_curves, handle_rests, symmetric, world_transforms
+from . import euler_angles, handle_rests, symmetric, world_transforms
 from .mesh_data import MeshProblem
 
 
@@ -47,9 +47,6 @@ def motions(subject, transforms):
     result = _with_mirrored(subject, transforms) @ np.linalg.inv(rests)
     for number in subject.symmetric:
         handle = subject.handles[number]
-        if handle_curves.has_curve(handle):
-            raise MeshProblem(f"Handle '{handle.name}' follows a curve, which nothing keeps symmetric: clear "
-                              "Symmetric, and make the curve so.")
         if not handle.mirrors:
             result[number] = symmetric.motion(result[number], _reflections_of(handle), rests[number, :3, 3])
     return result[:, :3]
@@ -115,12 +112,15 @@ def make_present_rest(subject, transforms):
         if handle_rests.has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
             (handle.home_matrix, handle.home_euler, handle.home_order,
              handle.home_curve) = handle_rests.home_to_store(handle)
+        elif any(handle.home_matrix) and not handle.home_curve:
+            handle.home_curve = handle.rest_curve
     for handle in settings.handles:
         source = next((h for h in settings.handles if h.name == handle.mirrors), None)
         if handle.enabled:
             handle_rests.set_rest(handle, found[handle.name])
         elif not handle.mirrors:
             handle.property_unset('rest_matrix')  # the transform that it has when it is enabled again becomes its rest
+            handle.property_unset('rest_curve')
         elif source and source.name in found:
             handle_rests.set_rest(handle, _mirrored_transform(handle, source, found[source.name]))
 

@@ -47,7 +47,9 @@ def home_curve(handle):
 def _stored_home(handle):
     """(flat matrix, Euler angles, their order, curve): the home as stored."""
     if any(handle.home_matrix):
-        return handle.home_matrix[:], handle.home_euler[:], handle.home_order, handle.home_curve
+        # A curve that was added to a deformed mesh was only moved there as a whole.
+        curve = handle.home_curve or handle.rest_curve
+        return handle.home_matrix[:], handle.home_euler[:], handle.home_order, curve
     return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order, handle.rest_curve
 
 

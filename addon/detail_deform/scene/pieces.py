@@ -12,12 +12,17 @@ from . import curve_motion, handle_curves
 from .mesh_data import MeshProblem
 
 
+# Stations of all curves together, and of each at least: an update with 271 handles takes 1.5 times that with ten
+# (native/bench/RESULTS.md, Many handles). Without either 300 curves would be 19,200 handles.
+_MOST_OF_ALL, _FEWEST_STATIONS = 512, 8
+
+
 class Pieces:
     """Those of these handles, by the rests of their curves."""
 
     def __init__(self, handles):
         self.rests = {number: rest for number, handle in enumerate(handles)
-                      if handle.rest_curve and (rest := handle_curves.unpacked(handle.rest_curve))}
+                      if not handle.mirrors and (rest := handle_curves.unpacked(handle.rest_curve))}
         counts = np.ones(len(handles), int)
         for number, rest in self.rests.items():
             counts[number] = len(rest.at)
@@ -42,23 +47,28 @@ class Pieces:
             if len(held):
                 samples = _placed(rest.samples, subject, subject.rests[number])
                 found = curve_motion.parameters(samples, positions[held].astype(np.float64))
-                result[held] += curve_motion.stations(samples, found)[1].astype(roles.dtype)
+                known = curve_motion.parts(samples, rest.at, rest.count)
+                numbers = np.searchsorted(known, curve_motion.parts(samples, found, rest.count))
+                result[held] += np.minimum(numbers, len(known) - 1).astype(roles.dtype)
         return result
 
-    def motions(self, subject, transforms, motions, turns):
+    def motions(self, subject, transforms, motions, turns, last=None):
         """(motions, turns) of all pieces, (p, 3, 4) and (p, 3), in the subject's space, of those of handles.
-        transforms: (h, 4, 4) of local_transforms(). Raises MeshProblem."""
+        transforms: (h, 4, 4) of local_transforms(). last: the previous result, if there is one, for curves that were
+        deleted. Raises MeshProblem."""
         if not self.rests:
             return motions, turns
         of_pieces, turns_of_pieces = motions[self.owner], turns[self.owner]
         for number, rest in self.rests.items():
+            mine = slice(self._first[number], self._first[number] + len(rest.at))
+            if subject.handles[number].target is None and last is not None and len(last[0]) == len(of_pieces):
+                of_pieces[mine], turns_of_pieces[mine] = last[0][mine], last[1][mine]
             if not handle_curves.has_curve(subject.handles[number]):
-                continue  # its curve is gone, or an empty has taken its place
+                continue  # an empty has taken its place
             now = handle_curves.read(subject.handles[number], subject.ob, subject.depsgraph)
             _check(subject.handles[number], rest.samples, now)
             if _are_alike(rest.samples, now):
                 continue  # so they move as the curve's object does, without rounding errors
-            mine = slice(self._first[number], self._first[number] + len(rest.at))
             # Its object moves the curve at rest as a whole; from there the curve goes to its present shape.
             by_object = transforms[number].astype(np.float64)
             along, rotations = curve_motion.motions(_placed(rest.samples, subject, by_object),
@@ -99,7 +109,8 @@ def _are_alike(rest, now):
 
 
 def present(subject):
-    """{number: Samples} of the handles that have a curve. Raises MeshProblem."""
+    """{number: Samples} of the handles that have a curve. Raises MeshProblem where one can't be bound."""
+    _ = subject.mirror_sources, subject.symmetric
     return {number: handle_curves.read(subject.handles[number], subject.ob, subject.depsgraph) for number in subject.own
             if handle_curves.has_curve(subject.handles[number])}
 
@@ -109,16 +120,17 @@ def store(subject, curves, only_new, roles, positions):
 
     curves: of present(). only_new: handles keep the rests of curves that they have. positions: (n, 3) of the shape that
     is bound, in the subject's space."""
-    for number in subject.own:
-        handle = subject.handles[number]
+    count = int(np.clip(_MOST_OF_ALL / max(len(curves), 1), _FEWEST_STATIONS, curve_motion.MOST_STATIONS))
+    for number, handle in enumerate(subject.handles):
         rest = handle_curves.unpacked(handle.rest_curve) if only_new else None
         if rest is None and number in curves:
-            rest = handle_curves.RestCurve(curves[number], np.zeros(1), handle_curves.controls(handle))
+            rest = handle_curves.RestCurve(curves[number], count, np.zeros(1), handle_curves.controls(handle))
         held = np.flatnonzero(roles == number)
-        if rest is None or not len(held):
+        if rest is None or handle.mirrors or not len(held):
             handle.property_unset('rest_curve')
             continue
         rest = handle_curves.unpacked(handle_curves.packed(rest))  # as it will be read
         placed = _placed(rest.samples, subject, subject.rests[number])
-        at, _ = curve_motion.stations(placed, curve_motion.parameters(placed, positions[held].astype(np.float64)))
+        found = curve_motion.parameters(placed, positions[held].astype(np.float64))
+        at = curve_motion.stations(placed, found, rest.count)
         handle.rest_curve = handle_curves.packed(rest._replace(at=at))

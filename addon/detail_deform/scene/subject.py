@@ -66,9 +66,14 @@ class Subject:
 
     @functools.cached_property
     def symmetric(self):
-        """[number] of the handles whose motion is kept its own mirror image."""
+        """[number] of the handles whose motion is kept its own mirror image. Raises MeshProblem."""
         # One by one: in Blender 3.4 foreach_get() reads no enumeration, and doesn't say so.
-        return [number for number, handle in enumerate(self.handles) if handle.symmetric]
+        found = [number for number, handle in enumerate(self.handles) if handle.symmetric]
+        for number in found:
+            if handle_curves.has_curve(self.handles[number]):
+                raise MeshProblem(f"Handle '{self.handles[number].name}' follows a curve, which nothing keeps symmetric: "
+                                  "clear Symmetric, and make the curve so.")
+        return found
 
     @functools.cached_property
     def are_free(self):
@@ -115,8 +120,9 @@ class Subject:
 
     @property
     def has_new_handle(self):
-        """Whether a handle was added since the last Bind."""
-        return any(not handle_rests.has_rest(self.handles[number]) for number in self.own)
+        """Whether a handle, or a handle's curve, was added since the last Bind."""
+        return any(not handle_rests.has_rest(self.handles[number]) or handle_curves.is_new(self.handles[number])
+                   for number in self.own)
 
     def check_groups(self):
         """Raises MeshProblem if the region or a handle refers to a missing vertex group. Cheap enough for every

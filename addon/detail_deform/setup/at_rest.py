@@ -40,6 +40,8 @@ def _make_empties(context, ob, handles):
             world = empties.without_shear(world, Vector((1, 1, 1)))
         empty, _ = empties.make(context, ob, handle.name, world, size, ob, curve=curve)
         handle.target = handle.own_target = empty
+        if curve:  # of the samples, so what is put back are these
+            handle.rest_curve = handle_curves.packed(rest._replace(controls=handle_curves.controls(handle)))
     context.view_layer.update()
     depsgraph = context.evaluated_depsgraph_get()
     for handle in handles:

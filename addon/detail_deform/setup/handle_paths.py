@@ -156,7 +156,7 @@ def _centred(points, path):
         found = curve_motion.parameters(samples, points)
         apart = np.linalg.norm(points - curve_motion.places(samples, found), axis=1).mean()
         count = int(np.clip(curve_motion.length(samples) / (_THICK * apart + 1e-30), 3, len(path.points)))
-        _, parts = curve_motion.stations(samples, found, count)
+        _, parts = np.unique(curve_motion.parts(samples, found, count), return_inverse=True)
         sums = np.stack([np.bincount(parts, points[:, axis]) for axis in range(3)], axis=1)
         means = sums / np.bincount(parts)[:, None]
         if not path.is_closed:

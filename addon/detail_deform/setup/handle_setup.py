@@ -139,7 +139,7 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
             child.matrix_world = place
         data = target.data
         bpy.data.objects.remove(target)
-        if data and not data.users:
+        if isinstance(data, bpy.types.Curve) and not data.users:
             bpy.data.curves.remove(data)
     collection = settings.handle_collection
     if collection and not collection.objects and not collection.children:

@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, kdtree
 
-from ..scene import displayed, handle_motions, handle_rests, handle_transforms, mesh_data, selection, skin, start
+from ..scene import (displayed, handle_curves, handle_motions, handle_rests, handle_transforms, mesh_data, selection,
+                     skin, start)
 from ..scene.mesh_data import MeshProblem
 from . import empties, handle_setup, region_setup
 
@@ -128,6 +129,9 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
         raise MeshProblem(f"Handle '{name}' has no vertex group or no empty, so there is nothing to mirror.")
     if handle.mirrors:
         raise MeshProblem(f"Handle '{name}' mirrors another one itself: mirror that one.")
+    if handle_curves.has_curve(handle):
+        raise MeshProblem(f"Handle '{name}' follows a curve, which can't be mirrored: pull the other side by a curve of "
+                          "its own.")
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
     chosen = mesh_data.members(ob, handle.vertex_group)

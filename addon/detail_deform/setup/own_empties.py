@@ -14,7 +14,8 @@ def make(context, ob):
     while other:
         shared = {handle.target for handle in other.detail_deform.handles}
         copies = {empty: _copy(context, ob, empty)
-                  for empty in {handle.target for handle in settings.handles if handle.target} & shared}
+                  for empty in {handle.target for handle in settings.handles if handle.target} & shared
+                  if empty.type != 'ARMATURE'}  # a rig is shared by all that it moves
         replacements = {other: ob, **copies}
         for empty, copy in copies.items():
             place = ob.matrix_world @ other.matrix_world.inverted_safe() @ empty.matrix_world
@@ -33,20 +34,27 @@ def _copy(context, ob, empty):
     if copy.data:
         copy.data = copy.data.copy()
     empties.collection_of(context, ob).objects.link(copy)
-    animation = copy.animation_data
+    for owner in filter(None, (copy, copy.data, getattr(copy.data, 'shape_keys', None))):
+        _copy_action(owner.animation_data)
+    return copy
+
+
+def _copy_action(animation):
     if animation and animation.action:
         slot = getattr(animation, 'action_slot', None)  # from Blender 4.4 on
         identifier = slot and slot.identifier
         animation.action = animation.action.copy()
         if identifier and animation.action_slot is None:
             animation.action_slot = animation.action.slots[identifier]
-    return copy
 
 
 def _redirect_references(copy, replacements):
-    """Redirects the copy's parent, constraints and drivers. replacements: {original: replacement}."""
+    """Redirects the copy's parent, hooks, constraints and drivers. replacements: {original: replacement}."""
     if copy.parent in replacements:
         copy.parent = replacements[copy.parent]
+    for modifier in copy.modifiers:
+        if getattr(modifier, 'object', None) in replacements:  # a hook
+            modifier.object = replacements[modifier.object]
     for constraint in copy.constraints:
         for user in (constraint, *getattr(constraint, 'targets', ())):
             if getattr(user, 'target', None) in replacements:

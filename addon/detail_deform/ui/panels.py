@@ -170,8 +170,8 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
             target.active = not handle.mirrors
             target.prop(handle, 'target')
             if handle.target and handle.target.type == 'ARMATURE':
-                target.prop_search(handle, 'first_bone', handle.target.pose, 'bones')
-                target.prop_search(handle, 'last_bone', handle.target.pose, 'bones')
+                target.prop_search(handle, 'first_bone', handle.target.data, 'bones')
+                target.prop_search(handle, 'last_bone', handle.target.data, 'bones')
             along_curve = handle_curves.has_curve(handle)
             column.prop_search(handle, 'mirrors', settings, 'handles')
             if handle.mirrors:
