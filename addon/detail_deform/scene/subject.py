@@ -71,8 +71,8 @@ class Subject:
         found = [number for number, handle in enumerate(self.handles) if handle.symmetric]
         for number in found:
             if handle_curves.has_curve(self.handles[number]):
-                raise MeshProblem(f"Handle '{self.handles[number].name}' follows a curve, which nothing keeps symmetric: "
-                                  "clear Symmetric, and make the curve so.")
+                raise MeshProblem(f"Handle '{self.handles[number].name}' follows a curve, which nothing keeps "
+                                  "symmetric: clear Symmetric, and make the curve so.")
         return found
 
     @functools.cached_property

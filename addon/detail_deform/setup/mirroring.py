@@ -130,8 +130,8 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
     if handle.mirrors:
         raise MeshProblem(f"Handle '{name}' mirrors another one itself: mirror that one.")
     if handle_curves.has_curve(handle):
-        raise MeshProblem(f"Handle '{name}' follows a curve, which can't be mirrored: pull the other side by a curve of "
-                          "its own.")
+        raise MeshProblem(f"Handle '{name}' follows a curve, which can't be mirrored: pull the other side by a curve "
+                          "of its own.")
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
     chosen = mesh_data.members(ob, handle.vertex_group)
