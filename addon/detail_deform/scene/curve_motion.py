@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 # Stations of a curve at most. A limb that is bent by half a turn is off by κ h² / 8 = π / (8 · 64²) = 1e-4 of its
-# length between two of them. An update of 42,000 vertices takes 1.2 to 1.4 times that with five empties.
+# length between two of them. An update costs the library little more than with five handles (native/bench/RESULTS.md,
+# Many handles).
 MOST_STATIONS = 64
 _AT_ONCE = 640_000  # distances: 5 MB for each of a few arrays
 # Fraction of a station by which borders are shifted: rings of a regular mesh lie on equal parts of its length, where
