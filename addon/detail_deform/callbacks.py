@@ -30,8 +30,8 @@ def name_changed(self, context):
 
 
 def target_changed(self, context):
-    if self.id_data.detail_deform.signature and handle_curves.is_new(self):
-        lifecycle.compare(self.id_data)  # it has to be bound
+    if self.id_data.detail_deform.signature and (handle_curves.is_new(self) or self.rest_curve):
+        lifecycle.compare(self.id_data)  # what it moves in pieces may be another
     binding.targets_changed(self.id_data)
 
 

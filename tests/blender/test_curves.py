@@ -199,6 +199,30 @@ def test_a_loop_gets_a_closed_curve(width):
     assert np.abs(evaluated(ob) - expected)[chosen].max() < 1e-5
 
 
+@pytest.mark.parametrize('seed', range(6))
+def test_any_connected_selection_has_a_path(part, seed):
+    """Patches, blobs, whole meshes, with holes and branches: a path along them, or a sentence."""
+    random = np.random.default_rng(seed)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=16)
+    ob = bpy.context.view_layer.objects.active
+    edges, places = part('scene.mesh_data').edges(ob.data), own(ob)
+    paths, problem = part('setup.handle_paths'), part('scene.mesh_data').MeshProblem
+    for _ in range(25):
+        chosen = np.linalg.norm(places - places[random.integers(len(places))], axis=1) < random.uniform(0.05, 2.1)
+        chosen &= random.random(len(places)) > random.choice([0, 0.05, 0.3])
+        vertices = np.flatnonzero(chosen)
+        least = part('scene.components').labels(len(places), edges[chosen[edges].all(axis=1)])
+        vertices = vertices[least[vertices] == least[random.choice(vertices)]] if len(vertices) else [0]
+        try:
+            path = paths.along(ob, np.array(vertices))
+        except problem:
+            assert len(vertices) < 2
+            continue
+        assert np.isfinite(path.points).all() and np.abs(path.points).max() < 1.6
+        curve = path.curve("Path", ob.matrix_world, Matrix(), 5)
+        assert np.isfinite([tuple(point.co) for point in curve.splines[0].bezier_points]).all()
+
+
 def test_a_chain_gets_an_open_curve_through_its_ends():
     ob = tube()
     row = (np.abs(own(ob)[:, 1] - RADIUS) < 1e-6) & (own(ob)[:, 0] > 1) & (own(ob)[:, 0] < 3)
@@ -407,6 +431,13 @@ def test_a_mirroring_handle_needs_no_curve_of_its_own(limb):
     update()
     assert np.allclose((evaluated(ob) - own(ob))[chosen], (0, 0, -0.1), atol=1e-5)
     assert not ob.detail_deform.stale
+    ob.detail_deform.handles[0].mirrors = ""
+    update()
+    assert "has got a curve since Bind" in ob.detail_deform.status
+    bind(ob)
+    ob.detail_deform.handles[0].mirrors = "First"  # which is another number of pieces
+    update()
+    assert "were changed since Bind" in ob.detail_deform.status
 
 
 def test_mirroring_a_curve_is_refused_and_keeps_the_binding(limb):

@@ -159,6 +159,8 @@ def _centred(points, path):
         _, parts = np.unique(curve_motion.parts(samples, found, count), return_inverse=True)
         sums = np.stack([np.bincount(parts, points[:, axis]) for axis in range(3)], axis=1)
         means = sums / np.bincount(parts)[:, None]
+        if len(means) < 3:  # as thick as long: there is no better middle
+            break
         if not path.is_closed:
             means = np.concatenate([[_end(points, means)], means, [_end(points, means[::-1])]])
         path = Path(means, path.is_closed)
