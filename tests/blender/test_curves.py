@@ -7,7 +7,7 @@ import pytest
 from mathutils import Matrix, Vector
 
 from conftest import (activate, add_empty, add_handle, bind, evaluated, group, make_strip, members, moved, own, refusal,
-                      update)
+                      select, update)
 
 LENGTH, RADIUS, ROOT = 4.0, 0.3, 0.9  # of a tube along X; its vertices up to ROOT aren't selected
 ELSEWHERE = Matrix.LocRotScale((3, -2, 1), Matrix.Rotation(0.7, 3, (1, 2, 3)).to_quaternion(), (2, 2, 2))
@@ -30,12 +30,7 @@ def tube(world=None, rings=81, around=16):
 
 def pull(ob, chosen, **options):
     """Selects these vertices, and pulls them by a curve. Returns its object."""
-    activate(ob)
-    bpy.ops.object.mode_set(mode='OBJECT')
-    ob.data.polygons.foreach_set('select', np.zeros(len(ob.data.polygons), bool))
-    ob.data.edges.foreach_set('select', np.zeros(len(ob.data.edges), bool))
-    ob.data.vertices.foreach_set('select', chosen)
-    bpy.ops.object.mode_set(mode='EDIT')
+    select(ob, chosen)
     assert bpy.ops.object.detail_deform_pull_curve(**options) == {'FINISHED'}
     assert ob.detail_deform.is_bound, ob.detail_deform.status
     curve = bpy.context.view_layer.objects.active
@@ -491,11 +486,7 @@ def test_unconnected_vertices_are_refused():
     ob = tube()
     chosen = np.zeros(len(ob.data.vertices), bool)
     chosen[[100, 700]] = True
-    activate(ob)
-    ob.data.polygons.foreach_set('select', np.zeros(len(ob.data.polygons), bool))
-    ob.data.edges.foreach_set('select', np.zeros(len(ob.data.edges), bool))
-    ob.data.vertices.foreach_set('select', chosen)
-    bpy.ops.object.mode_set(mode='EDIT')
+    select(ob, chosen)
     assert "aren't connected" in refusal(bpy.ops.object.detail_deform_pull_curve)
     assert not ob.detail_deform.handles and not bpy.data.curves
 

@@ -73,9 +73,7 @@ def pose(curve, places, tilts=0.0, radii=1.0):
 def main():
     detail_deform.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    studio.prepare(samples=32)
-    studio.add_light("Key", (4, -7, 8), (0, 0, 2), 4, 900)
-    studio.add_light("Fill", (-6, -5, 3), (0, 0, 2), 5, 300)
+    studio.prepare_limbs()
     _, curve, rest = pulled()
     whole = LENGTH - ROOT
     share = np.linspace(0, 1, COUNT)

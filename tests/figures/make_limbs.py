@@ -69,9 +69,7 @@ def bent(empty):
 def main():
     detail_deform.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    studio.prepare(samples=32)
-    studio.add_light("Key", (4, -7, 8), (0, 0, 2), 4, 900)
-    studio.add_light("Fill", (-6, -5, 3), (0, 0, 2), 5, 300)
+    studio.prepare_limbs()
     rows = ([], [])
     for shape, pose in ((limb(0.5, 0.06), led_down), (limb(0.5, 0.06), twisted(120)),
                         (limb(0.5, 0.06), twisted(720)), (limb(0.5, 0.06), bent), (limb(0.45, 0.12, 0.1), led_down)):

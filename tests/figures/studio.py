@@ -111,6 +111,13 @@ def add_light(name, place, at, size, watts, tint=(1, 1, 1), shadow=True):
     bpy.context.scene.collection.objects.link(ob)
 
 
+def prepare_limbs():
+    """An empty scene with two lights, for limbs that stand at the origin."""
+    prepare(samples=32)
+    add_light("Key", (4, -7, 8), (0, 0, 2), 4, 900)
+    add_light("Fill", (-6, -5, 3), (0, 0, 2), 5, 300)
+
+
 def add_floor(size=200):
     """A floor of which shadows alone are seen."""
     corners = size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])

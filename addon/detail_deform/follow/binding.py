@@ -114,8 +114,7 @@ def _poses(subject, roles_of_vertices, only_new):
     rest."""
     chosen = {number: subject.handles[number].target for number in subject.own}
     chosen = {number: empty for number, empty in chosen.items()
-              if empty and not (only_new and handle_rests.has_rest(subject.handles[number])
-                                and not handle_curves.is_new(subject.handles[number]))}
+              if empty and (not only_new or subject.is_new(number))}
     if not chosen or not displayed.needs_measuring(subject.ob) or subject.settings.base == 'OBJECT':
         return dict.fromkeys(chosen)
     order = np.argsort(roles_of_vertices, kind='stable')

@@ -49,6 +49,23 @@ class PullOperator(MeshOperator):
     def poll_object(cls, ob):
         return cls.in_edit_mode(ob)
 
+    def pull_at_once(self, context, ob, message, **options):
+        """Pulls without interaction. message: what to do next. options: those of pulling.Pull."""
+        _check_mode(ob)
+        pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff, **options)
+        # A repeat binds in the background: a slider of Adjust Last Operation must not block the window.
+        for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
+            pass
+        self.finished(context, ob, pull, message)
+
+    def finished(self, context, ob, pull, message):
+        self.radius = pull.radius
+        activate(context, pull.empty)
+        for remark in pull.remarks:
+            self.report({'WARNING'}, remark)
+        behind = stack.names_kept_after(ob) if pull.made_modifier else ()
+        self.report({'INFO'}, message + (f". Detail Deform stands before {', '.join(behind)}" if behind else ""))
+
 
 class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_pull'
@@ -65,20 +82,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
     _ob = _choice = _pull = _stages = _progress = _view = None
 
     def run(self, context, ob):
-        _check_mode(ob)
-        pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff)
-        # A repeat binds in the background: a slider of Adjust Last Operation must not block the window.
-        for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
-            pass
-        self._finished(context, ob, pull, "Move the empty (G); F9 changes how far the region reaches")
-
-    def _finished(self, context, ob, pull, message):
-        self.radius = pull.radius
-        activate(context, pull.empty)
-        for remark in pull.remarks:
-            self.report({'WARNING'}, remark)
-        behind = stack.names_kept_after(ob) if pull.made_modifier else ()
-        self.report({'INFO'}, message + (f". Detail Deform stands before {', '.join(behind)}" if behind else ""))
+        self.pull_at_once(context, ob, "Move the empty (G); F9 changes how far the region reaches")
 
     # In the window
 
@@ -156,7 +160,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         """Ends, and starts Move: the new empty follows the mouse."""
         ob, pull, view = self._ob, self._pull, self._view
         self._end(context, None)
-        self._finished(context, ob, pull, "Move the empty, and click")
+        self.finished(context, ob, pull, "Move the empty, and click")
         if view:
             with context.temp_override(area=view.area, region=view.region):
                 move = bpy.ops.object.detail_deform_move_pulled if self.stay else bpy.ops.transform.translate
@@ -195,16 +199,9 @@ class OBJECT_OT_detail_deform_pull_curve(PullOperator, bpy.types.Operator):
     falloff: EnumProperty(**FALLOFF)
 
     def run(self, context, ob):
-        _check_mode(ob)
-        pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff, curve_points=self.points)
-        for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
-            pass
-        self.radius = pull.radius
-        activate(context, pull.empty)
-        for remark in pull.remarks:
-            self.report({'WARNING'}, remark)
         # Edit Mode is left to the user: what is undone there goes back to the last step that was taken outside of it.
-        self.report({'INFO'}, "Press Tab, then move the curve's points (G), tilt (Ctrl+T) or scale (Alt+S) them")
+        message = "Press Tab, then move the curve's points (G), tilt (Ctrl+T) or scale (Alt+S) them"
+        self.pull_at_once(context, ob, message, curve_points=self.points)
 
 
 def _check_mode(ob):

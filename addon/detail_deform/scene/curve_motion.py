@@ -199,8 +199,7 @@ def _shortest(before, after):
 
 def halfway(rotations):
     """(n - 1, 3, 3): the rotations halfway between successive ones."""
-    steps = _vectors(rotations[1:] @ np.swapaxes(rotations[:-1], 1, 2))
-    return _about(_unit(steps), _lengths(steps) / 2) @ rotations[:-1]
+    return _between(rotations, np.arange(len(rotations) - 1), np.full(len(rotations) - 1, 0.5))
 
 
 def _about(axes, angles):

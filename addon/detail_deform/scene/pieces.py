@@ -45,8 +45,7 @@ class Pieces:
         for number, rest in self.rests.items():
             held = np.flatnonzero(roles == number)
             if len(held):
-                samples = _placed(rest.samples, subject, subject.rests[number])
-                found = curve_motion.parameters(samples, positions[held].astype(np.float64))
+                samples, found = _along(rest, subject, number, positions[held])
                 known = curve_motion.parts(samples, rest.at, rest.count)
                 numbers = np.searchsorted(known, curve_motion.parts(samples, found, rest.count))
                 result[held] += np.minimum(numbers, len(known) - 1).astype(roles.dtype)
@@ -77,6 +76,12 @@ class Pieces:
             turns_of_pieces[mine] = curve_motion.turns(
                 rotations @ curve_motion.nearest_rotations(motions[number][:, :3]), turns[number])
         return of_pieces, turns_of_pieces
+
+
+def _along(rest, subject, number, positions):
+    """(Samples, parameters): a handle's curve at rest in the subject's space, and where along it positions are."""
+    samples = _placed(rest.samples, subject, subject.rests[number])
+    return samples, curve_motion.parameters(samples, positions.astype(np.float64))
 
 
 def _placed(samples, subject, transform):
@@ -130,7 +135,6 @@ def store(subject, curves, only_new, roles, positions):
             handle.property_unset('rest_curve')
             continue
         rest = handle_curves.unpacked(handle_curves.packed(rest))  # as it will be read
-        placed = _placed(rest.samples, subject, subject.rests[number])
-        found = curve_motion.parameters(placed, positions[held].astype(np.float64))
-        at = curve_motion.stations(placed, found, rest.count)
+        samples, found = _along(rest, subject, number, positions[held])
+        at = curve_motion.stations(samples, found, rest.count)
         handle.rest_curve = handle_curves.packed(rest._replace(at=at))

@@ -78,8 +78,8 @@ class Subject:
     @functools.cached_property
     def are_free(self):
         """(h,) bool: which handles are free, that is, only place. Those that mirror another one are as it is."""
-        result = np.array([handle.turns == 'FREE' for handle in self.handles], bool)
-        result &= ~np.array([handle_curves.has_curve(handle) for handle in self.handles], bool)
+        result = np.array([handle.turns == 'FREE' and not handle_curves.has_curve(handle) for handle in self.handles],
+                          bool)
         for number, source in self.mirror_sources.items():
             result[number] = result[source]
         return result
@@ -121,8 +121,12 @@ class Subject:
     @property
     def has_new_handle(self):
         """Whether a handle, or a handle's curve, was added since the last Bind."""
-        return any(not handle_rests.has_rest(self.handles[number]) or handle_curves.is_new(self.handles[number])
-                   for number in self.own)
+        return any(map(self.is_new, self.own))
+
+    def is_new(self, number):
+        """Whether the handle, or its curve, was added since the last Bind."""
+        handle = self.handles[number]
+        return not handle_rests.has_rest(handle) or handle_curves.is_new(handle)
 
     def check_groups(self):
         """Raises MeshProblem if the region or a handle refers to a missing vertex group. Cheap enough for every
