@@ -6,6 +6,7 @@ from bpy.app.handlers import persistent
 
 from . import session
 from .follow import auto_bind, drag, edits, lifecycle, registry
+from .scene import render_thread
 from .ui import marker_cache, preview
 
 # While nothing is bound and no preview is drawn, neither of the next two handlers iterates over a scene's objects or
@@ -13,6 +14,7 @@ from .ui import marker_cache, preview
 
 
 @persistent
+@render_thread.repeated
 def _depsgraph_updated(scene, depsgraph):
     members = registry.members()
     if members or preview.is_in_use() or marker_cache.is_in_use():
@@ -28,12 +30,14 @@ def _depsgraph_updated(scene, depsgraph):
 
 
 @persistent
+@render_thread.repeated
 def _frame_changed(scene, depsgraph):
     marker_cache.forget_shapes()
     _show_whole(depsgraph)
 
 
 @persistent
+@render_thread.repeated
 def _render_begins(*_):
     lifecycle.render_begins(registry.members())
 

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import bpy
@@ -425,3 +426,36 @@ def test_a_file_that_cannot_be_saved_is_still_open_and_can_be_saved_elsewhere(st
     bpy.context.scene.frame_set(8)
     bpy.context.scene.frame_set(9)
     assert ob.detail_deform.is_bound and np.abs(evaluated(ob) - shown).max() < 1e-6
+
+
+REFUSED = "Writing to ID classes in this context is not allowed: Strip, Mesh datablock, error setting Mesh.<UNKNOWN>"
+
+
+@pytest.mark.parametrize('in_thread, sentence, calls', [(True, REFUSED, 3), (True, "no attribute 'x'", 1),
+                                                        (False, REFUSED, 1)])
+def test_a_render_waits_while_the_window_forbids_it_to_write(part, in_thread, sentence, calls):
+    """Blender's window forbids it while it draws. The window's own walk has such a draw; what this adds is that other
+    errors, and those of the main thread, are told at once."""
+    repeated = part('scene.render_thread').repeated
+    called, results = [], []
+
+    @repeated
+    def handler(scene, depsgraph):
+        called.append((scene, depsgraph))
+        if len(called) < 3:
+            raise AttributeError(sentence)
+        return "done"
+
+    def call():
+        try:
+            results.append(handler(1, 2))
+        except AttributeError as error:
+            results.append(str(error))
+
+    if in_thread:
+        thread = threading.Thread(target=call)
+        thread.start()
+        thread.join()
+    else:
+        call()
+    assert called == calls * [(1, 2)] and results == ["done" if calls == 3 else sentence]
