@@ -641,3 +641,32 @@ def test_slivers_in_a_plane_change_nothing_unless_they_are_asked_for(native):
               for way in ('DELAUNAY', 'GIVEN')}
     assert np.abs(result['DELAUNAY'] - expected['DELAUNAY']).max() < 1e-5
     assert np.abs(result['GIVEN'] - expected['GIVEN']).max() > 0.01
+
+
+def lengths_between(positions, chosen):
+    points = positions[chosen].astype(float)
+    return np.linalg.norm(points[:, None] - points, axis=2)
+
+
+def test_a_stiff_part_keeps_its_lengths(native, strip):
+    part = np.flatnonzero(np.abs(strip.positions[:, 0] - 12) < 3)
+    weights = np.zeros(len(strip.positions))  # of another type than the library's
+    weights[part] = 1
+    motion, rest = rotation(1.0, (-4, 0, -3)), lengths_between(strip.positions, part)
+    changes = []
+    for stiffness in (None, weights, np.ones_like(weights)):
+        bound = native.Bind(strip.positions, strip.triangles, strip.roles, 1, stiffness=stiffness).finish()
+        moved = strip.positions + bound.offsets(motion).reshape(-1, 3)
+        changes.append(np.abs(lengths_between(moved, part) - rest).max())
+    assert changes[1] < 1e-3 * rest.max() < 0.1 * changes[0]
+    assert changes[2] == changes[0]  # only differences matter
+
+
+@pytest.mark.parametrize('weights, sentence', [
+    (np.zeros(5), "options.stiffness is for 5 vertices, not 192"),
+    (np.where(np.arange(192) == 7, 1.5, 0), "Vertex 7 has a stiffness that is not between 0 and 1"),
+    (np.where(np.arange(192) == 9, np.nan, 0), "Vertex 9 has a stiffness that is not between 0 and 1"),
+    (np.where(np.arange(192) == 3, -0.1, 0), "Vertex 3 has a stiffness")])
+def test_a_stiffness_that_is_none_is_refused(native, strip, weights, sentence):
+    with pytest.raises(native.NativeError, match=sentence):
+        native.Bind(strip.positions, strip.triangles, strip.roles, 1, stiffness=weights)

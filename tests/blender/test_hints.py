@@ -274,6 +274,23 @@ def test_empties_without_a_parent_are_copied_to_where_the_copy_is(pulled):
     assert np.allclose(evaluated(copy), shape, atol=1e-5)
 
 
+def test_copied_empties_keep_whole_turns(pulled):
+    empty = pulled.detail_deform.handles[0].target
+    place = empty.matrix_world.copy()
+    empty.parent = None
+    empty.matrix_world = place
+    empty.rotation_euler.x += 4 * np.pi
+    pulled.detail_deform.base_deformer = 'MOTIONS'
+    update()
+    shape = evaluated(pulled)
+    copy = duplicated(pulled)
+    activate(copy)
+    bpy.ops.object.detail_deform_own_empties()
+    update()
+    assert np.allclose(evaluated(copy), shape, atol=1e-4)
+    assert np.abs(shape - own(pulled)).max() > 0.1
+
+
 def test_own_empties_refer_to_the_copy(pulled):
     """The copied empties' parents, constraints and drivers refer to the copy and its empties, and their actions are
     copies."""

@@ -86,6 +86,8 @@ def other_value(option, present):
     if isinstance(option.kind, tuple):
         values = [value[0] for value in option.kind]
         return values[(values.index(present) + 1) % len(values)]
+    if option.kind is str:
+        return f"{present} Other"
     least, most = option.limits['min'], option.limits.get('soft_max', option.limits['max'])
     return least if present > least else min(most, present + 2)
 
@@ -118,9 +120,10 @@ def reason(options, look, option, settings):
 
 
 def with_rows(options):
-    # Without `base`, whose effect depends on the base object, and `solidity`, as a strip has no inside: see
-    # test_solidity.py.
-    return [option for option in options.SETTINGS if option.section and option.name not in {'base', 'solidity'}]
+    # Without `base`, whose effect depends on the base object, `solidity`, as a strip has no inside (test_solidity.py),
+    # and `stiff_parts`, which takes a group (test_stiffness.py).
+    return [option for option in options.SETTINGS
+            if option.section and option.name not in {'base', 'solidity', 'stiff_parts'}]
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -186,7 +189,7 @@ def test_copy_settings_copies_the_settings_marked_in_the_table(options):
     for option in options.SETTINGS:
         expected = ob.detail_deform if option.copied else usual
         assert getattr(other.detail_deform, option.name) == getattr(expected, option.name), option.name
-    assert {option.name for option in options.SETTINGS if not option.copied} == {'weights_by', 'base'}
+    assert {option.name for option in options.SETTINGS if not option.copied} == {'weights_by', 'base', 'stiff_parts'}
 
 
 @pytest.mark.parametrize('settings, text', [

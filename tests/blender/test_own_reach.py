@@ -42,12 +42,15 @@ def pose(empty, x=0.0, y=0.0, z=0.0, turn=0.0, about=(0, 0, 0)):
     update()
 
 
-def by_itself(region, handles, **settings):
-    """Offsets of a new sheet that is bound with this region alone. handles: [(mask, motion of its empty or None)]."""
+def by_itself(region, handles, groups=(), **settings):
+    """Offsets of a new sheet that is bound with this region alone. handles: [(mask, motion of its empty or None)].
+    groups: [(name, vertices)] of others."""
     ob = bumpy()
     choose(ob, **settings)
     group(ob, 'region', np.flatnonzero(region))
     ob.detail_deform.region = 'region'
+    for name, vertices in groups:
+        group(ob, name, vertices)
     p, empties = own(ob), []
     for number, (chosen, _) in enumerate(handles):
         group(ob, f'H{number}', np.flatnonzero(chosen))

@@ -71,6 +71,20 @@ def test_a_handle_that_is_no_child_and_not_aligned(plane):
     assert (np.array(handle.target.matrix_world)[:3, :3] == np.eye(3)).all()
 
 
+def test_the_empty_of_a_handle_on_top_is_not_rotated_and_others_have_y_up(plane):
+    chosen = own(plane)[:, 0] > 0.5
+    assert np.allclose(add_from(plane, chosen).target.rotation_euler, 0, atol=1e-6)
+    plane.data.flip_normals()
+    below = add_from(plane, chosen).target
+    update()
+    assert (below.matrix_world.to_3x3().col[2] - Vector((0, 0, -1))).length < 1e-5
+    plane.rotation_euler = (0.5 * np.pi, 0, 1)
+    update()
+    beside = add_from(plane, chosen).target
+    update()
+    assert (beside.matrix_world.to_3x3().col[1] - Vector((0, 0, 1))).length < 1e-5
+
+
 def test_the_empty_of_a_ring_without_a_normal_is_not_rotated():
     bpy.ops.mesh.primitive_cylinder_add(vertices=32, end_fill_type='NOTHING')
     ob = bpy.context.active_object

@@ -24,7 +24,7 @@ BLENDERS = {
     "S", "Select More", "Selected Objects and Data", "Shape", "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab",
     "Time Stretching", "Vertex", "Visual Geometry to Mesh", "X", "Y", "Z"}
 # Names of data that the add-on makes, and other words with a capital.
-OTHERS = {"UVs", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
+OTHERS = {"UVs", "ID", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
           "… Mirrored", "… Match",
           "Object Mode", "Poisson", "Press", "UTF-8", "Windows", "with an Empty of Its Own"}
 

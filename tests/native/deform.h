@@ -26,6 +26,15 @@ inline UpdateOptions usual(int refine = 4) {
   return options;
 }
 
+/// Of one handle. turn: the rotation vector by which it knows whole turns.
+inline UpdateOptions solid(double solidity = 1,
+                           const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
+  UpdateOptions options = usual();
+  options.of_method.refined.solidity = solidity;
+  options.turns.assign(turn.data(), turn.data() + 3);
+  return options;
+}
+
 inline UpdateOptions shown_base() {
   UpdateOptions options = usual();
   options.output = Output::base;

@@ -23,13 +23,6 @@ double volume(const TaperedLimb& limb, const Positions& p) {
          signed_volume(limb.mesh.positions, limb.mesh.triangles);
 }
 
-UpdateOptions solid(double solidity = 1, const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
-  UpdateOptions options = usual();
-  options.of_method.refined.solidity = solidity;
-  options.turns.assign(turn.data(), turn.data() + 3);
-  return options;
-}
-
 /// A sheet with relief, which has no inside.
 Case relief_sheet() { return lifted_plane(61); }
 

@@ -32,7 +32,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     found = roles.of_handles(subject, group_columns.entries, welded)
     # Examples that are no poses are refused while the present binding is still there. The options of a base object are
     # of its rest, which is stored below.
-    options = binding_content.options(subject) if subject.settings.base == 'COMPUTED' else None
+    options = binding_content.options(subject, group_columns.entries) if subject.settings.base == 'COMPUTED' else None
     _store_rests(subject, found.of_all, wait, keep_rest)
     subject = Subject(ob, depsgraph)
     found = roles.in_pieces(found, subject)  # whose curves have their rests only now

@@ -10,7 +10,8 @@ from ..scene import examples, handle_curves, mesh_data, outside_base, split, sta
 from ..scene.mesh_data import MeshProblem
 from . import reaches, roles
 
-_EXAMPLES = 'examples-'  # precedes the part of a signature that stands for the examples
+# Precede the parts of a signature that stand for the examples and the stiffness.
+_EXAMPLES, _STIFFNESS = 'examples-', 'stiffness-'
 BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
 TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 VERTICES_MOVED = "The mesh's vertices were moved since Bind."
@@ -23,8 +24,9 @@ def order_of_handles(subject):
                      for (_, group), reach in zip(subject.groups, subject.reaches))
 
 
-def options(subject):
-    """The options of native.Bind that a binding depends on, beside mesh and roles."""
+def options(subject, entries=None):
+    """The options of native.Bind that a binding depends on, beside mesh and roles. entries: as for roles.of(). Raises
+    MeshProblem."""
     settings = subject.settings
     if settings.base == 'OBJECT':
         return outside_base.rest(subject.ob)
@@ -36,7 +38,22 @@ def options(subject):
         if settings.method == 'EXAMPLES':
             raise
         poses = None  # other methods don't use them
+    if settings.stiff_parts:
+        made['stiffness'] = stiffness(subject.ob, entries)
     return made if poses is None else {**made, 'examples': poses}
+
+
+def stiffness(ob, entries=None):
+    """(n,) float32: the weights in the group by which parts are stiff, which the settings name. entries: as for
+    roles.of(). Raises MeshProblem."""
+    group = ob.detail_deform.stiff_parts
+    if group not in ob.vertex_groups:
+        raise MeshProblem(f"'{ob.name}' has no vertex group '{group}', by which parts are to be stiff: choose another "
+                          "one in Stiff Parts, or none.")
+    vertices, _, weights = (entries or mesh_data.group_entries)(ob, [group])
+    result = np.zeros(len(ob.data.vertices), np.float32)
+    result[vertices] = np.clip(weights, 0, 1)
+    return result
 
 
 def shape_signature(subject, topology=None):
@@ -57,8 +74,9 @@ def signature(shape, roles, bind_options):
 
 
 def _texts(values):
-    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature,
-             'base_triangles': mesh_data.signature}
+    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value),
+             'stiffness': lambda value: _STIFFNESS + mesh_data.signature(value),
+             'base': mesh_data.signature, 'base_triangles': mesh_data.signature}
     return '.'.join(texts.get(name, _text)(value) for name, value in values.items())
 
 
@@ -109,12 +127,18 @@ def difference(subject):
         return "The region, the handles or their vertex groups were changed since Bind."
     if current[3] == bound_options:
         return ""
-    if settings.method != 'EXAMPLES' and _without_examples(current[3]) == _without_examples(bound_options):
+    current, bound = _of_options(current[3]), _of_options(bound_options)
+    if settings.method != 'EXAMPLES' and current[:2] == bound[:2]:
         return ""
     if settings.base == 'OBJECT':
         return BASE_CHANGED
+    if current[1] != bound[1]:
+        return "Stiff Parts, or the weights of its group, were changed since Bind."
     return "Settings or examples that need a new Bind were changed."
 
 
-def _without_examples(text):
-    return text.split(f'.{_EXAMPLES}')[0]
+def _of_options(text):
+    """(the settings, the stiffness, the examples) of a signature's last part."""
+    settings, _, of_examples = text.partition(f'.{_EXAMPLES}')
+    settings, _, of_stiffness = settings.partition(f'.{_STIFFNESS}')
+    return settings, of_stiffness, of_examples

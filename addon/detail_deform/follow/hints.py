@@ -8,7 +8,7 @@ from ..library import native
 from ..scene import components, examples, feedback, mesh_data, split, world_transforms
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles, with_empties
-from . import misshapen, registry, roles
+from . import binding_content, misshapen, registry, roles
 
 # Largest displacement by an example of fixed vertices beside the region, as a fraction of that of the region. Above it
 # a warning: lower values warn of examples that fade out, higher ones miss visible stubs.
@@ -56,6 +56,11 @@ def _of_region(ob, found, edges):
         names = ', '.join(f"'{name}'" for name in rigid)
         yield (f"Region or Reach hold all of the loose part that these handles are on, one each, so the part moves as "
                f"a whole: {names}. To bend it make them smaller (By Radius), or add a handle that stays.")
+    if settings.stiff_parts:
+        weights = binding_content.stiffness(ob)[found.of_all == native.ROLE_FREE]
+        if len(weights) and not np.ptp(weights):
+            yield (f"Vertex group '{settings.stiff_parts}' has one weight on all that may deform, so Stiff Parts "
+                   "changes nothing: paint what is to bend less more than the rest.")
     if settings.method == 'EXAMPLES' and found.parts[0].is_whole:
         fixed = found.of_all == native.ROLE_FIXED
         yield from _of_examples(ob, ~fixed, fixed & _beside(edges, found.of_all == native.ROLE_FREE))

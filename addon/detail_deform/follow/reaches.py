@@ -57,8 +57,12 @@ class Part:
 
     def bind_options(self, of_all):
         """The options of its native.Bind. of_all: those of the object."""
+        if self.is_whole:
+            return of_all
         own = {'smoothness': self.smoothness} if self.smoothness else {}
-        return of_all if self.is_whole else {name: value for name, value in of_all.items() if name != 'examples'} | own
+        if 'stiffness' in of_all:
+            own['stiffness'] = of_all['stiffness'][self.vertices]
+        return {name: value for name, value in of_all.items() if name != 'examples'} | own
 
     def update_arguments(self, of_all):
         """The options of its update. of_all: those of the object."""

@@ -240,7 +240,8 @@ BindOptions = _sized_struct_class(
     'base_metric', 'metric_smoothing', 'smoothness', ('dd_triangulation', 'triangulation'),
     ('dd_precision', 'precision'), (_INT, 'threads', 'draft'), (_POINTS, 'base'),
     (Array(np.int32, 3), 'base_triangles'), (_SIZE, 'base_triangle_count'),
-    (PointTo(Points, many=True), 'examples'), (_SIZE, 'example_count'))
+    (PointTo(Points, many=True), 'examples'), (_SIZE, 'example_count'), (Array(np.float32), 'stiffness'),
+    (_SIZE, 'stiffness_count'))
 RefinementOptions = _sized_struct_class('dd_refinement_options', "How rotations are found iteratively", 'iterations',
                                         'rotation_smoothing', 'rim_smoothing', 'solidity')
 NormalOptions = _sized_struct_class('dd_normal_options', "Of normal displacements", 'levels')

@@ -13,7 +13,7 @@ def store_names(ob):
 
 
 def update_names(ob):
-    """Replaces names of renamed groups in region, influence, anchors and handles. Returns whether any was replaced."""
+    """Replaces the names of renamed groups wherever the settings name one. Returns whether any was replaced."""
     settings = ob.detail_deform
     if not settings.known_groups:
         return False
@@ -37,7 +37,7 @@ def update_names(ob):
 
 def _name_properties(settings):
     """Generator of (owner, property name) for all settings that name a vertex group."""
-    yield from ((settings, name) for name in ('region', 'own_region', 'influence'))
+    yield from ((settings, name) for name in ('region', 'own_region', 'influence', 'stiff_parts'))
     yield settings.transfer, 'anchor_group'
     yield from ((handle, name) for handle in settings.handles
                 for name in ('vertex_group', 'own_group', 'reach', 'own_reach'))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writing to data from the thread of a render.
 
-While Blender draws panels, lists and menus it forbids scripts to change data, by one flag for all threads. A render from
-the window calls the handlers in a thread of its own, so that flag may be up there as well, whenever the window happens
-to draw."""
+While Blender draws panels, lists and menus it forbids scripts to change data, by one flag for all threads. A render
+from the window calls the handlers in a thread of its own, where the same is forbidden whenever the window happens to
+draw."""
 
 import functools
 import threading

@@ -77,11 +77,9 @@ def to_rest(context, ob, handles):
 def _put_home(ob, handle, depsgraph):
     posing = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_transforms.pose_matrix_of(handle)
     world = ob.matrix_world @ Matrix((posing @ handle_rests.home_transform(handle)).tolist())
-    handle.target.matrix_world = empties.without_shear(world) if any(handle.pose_matrix) else world
     mode = handle.target.rotation_mode
-    if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix has no whole turns: take those of home
-        home = Euler(handle_rests.home_euler(handle, mode), mode)
-        handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
+    home = (Euler() if mode in {'QUATERNION', 'AXIS_ANGLE'} else Euler(handle_rests.home_euler(handle, mode), mode))
+    empties.place(handle.target, empties.without_shear(world) if any(handle.pose_matrix) else world, home)
 
 
 def _store_pose_matrices(context, ob, handles):

@@ -8,6 +8,8 @@ from mathutils import Matrix, Vector
 from ..scene import handle_transforms, mesh_data, skin, start, window
 
 _COLLECTION_NAME = "{} Handles"
+# Horizontal part of a unit normal below which it counts as vertical: three degrees, which look level.
+_LEVEL = 0.05
 
 
 def _normals(triangles, points, parts):
@@ -45,8 +47,26 @@ def placements(ob, parts, align):
         low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
         world = Matrix.Translation(middle)
         if normal.any():
-            world = world @ (normal_matrix @ Vector(normal)).to_track_quat('Z', 'Y').to_matrix().to_4x4()
+            world = world @ _along((normal_matrix @ Vector(normal)).normalized()).to_matrix().to_4x4()
         yield world, 0.5 * (high - low).length
+
+
+def _along(normal):
+    """The rotation that takes Z to a unit normal, with Y as upright as can be. Where the normal is vertical, the
+    smallest one, none for a handle on top: the former would be half a turn there, whose angle is 180 or -180 degrees
+    by rounding, and whole turns are told by angles."""
+    if normal.xy.length < _LEVEL:
+        return Vector((0, 0, 1)).rotation_difference(normal)
+    return normal.to_track_quat('Z', 'Y')
+
+
+def place(empty, world, euler):
+    """Sets its world matrix. euler: of all the angles of this rotation the nearest to these are taken, as a matrix has
+    no whole turns."""
+    empty.matrix_world = world
+    mode = empty.rotation_mode
+    if mode not in {'QUATERNION', 'AXIS_ANGLE'}:
+        empty.rotation_euler = empty.rotation_euler.to_matrix().to_euler(mode, euler)
 
 
 def collection_of(context, ob):

@@ -128,7 +128,7 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
     unshared = [own] if not shares_group(ob, handle, own) else []
     settings.handles.remove(index)
     if not any(reach in {h.reach, h.own_reach, h.vertex_group} for h in settings.handles):
-        unshared += {reach} - {settings.region, settings.influence, own}
+        unshared += {reach} - {own, *_of_object(settings)}
     for group in filter(None, map(ob.vertex_groups.get, unshared)):
         if group.name not in needed_groups:
             ob.vertex_groups.remove(group)
@@ -136,7 +136,7 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
         for child in target.children:
             place = child.matrix_world.copy()
             child.parent = None
-            child.matrix_world = place
+            empties.place(child, place, child.rotation_euler.copy())
         data = target.data
         bpy.data.objects.remove(target)
         if isinstance(data, bpy.types.Curve) and not data.users:
@@ -147,10 +147,14 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
 
 
 def shares_group(ob, handle, name):
-    """Whether the region, the influence, a reach or another handle uses the vertex group of that name too."""
+    """Whether the object's own settings, a reach or another handle use the vertex group of that name too."""
     settings = ob.detail_deform
-    return name in {settings.region, settings.influence} or any(
+    return name in _of_object(settings) or any(
         name == h.reach or h != handle and h.vertex_group == name for h in settings.handles)
+
+
+def _of_object(settings):
+    return {settings.region, settings.influence, settings.stiff_parts}
 
 
 def assign(ob, handle):

@@ -45,6 +45,18 @@ void read_base(const dd_bind_options& options, size_t vertex_count, BindOptions&
       options.base_triangles, static_cast<Index>(options.base_triangle_count), 3);
 }
 
+Eigen::VectorXf read_stiffness(const dd_bind_options& options, size_t vertex_count) {
+  if (!is_given("options.stiffness", options.stiffness, options.stiffness_count, vertex_count,
+                "vertices"))
+    return {};
+  const Eigen::Map<const Eigen::VectorXf> weights(options.stiffness, Index(vertex_count));
+  for (Index v = 0; v < weights.size(); ++v)
+    if (!(weights[v] >= 0 && weights[v] <= 1))
+      throw Error(Status::argument, {Subject::vertex, v},
+                  "has a stiffness that is not between 0 and 1", Remedy::call);
+  return weights;
+}
+
 Positions read_pivots(const dd_update_options& options, size_t handles) {
   if (!is_given("options.pivots", options.pivots, options.pivot_count, handles, "handles"))
     return {};
@@ -111,6 +123,7 @@ Bind read_bind_options(const dd_bind_options* given, size_t vertex_count) {
   result.threads = threads(options.threads);
   read_base(options, vertex_count, result);
   result.examples = read_examples(options, vertex_count);
+  result.stiffness = read_stiffness(options, vertex_count);
   bind.with_draft = yes_or_no("options.draft", options.draft);
   return bind;
 }

@@ -83,7 +83,8 @@ struct BoundSurface::Energy {
 
 BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindOptions& options,
                            ThreadPool& pool, const Progress& progress)
-    : FactoredSurface(std::move(surface), given_region, options.triangulation),
+    : FactoredSurface(std::move(surface), given_region, options.triangulation,
+                      Stiffness(options.stiffness, given_region)),
       coordinates(region, mesh.positions),
       examples(options.examples) {
   report(progress, 0.05, Stage::poisson);
@@ -94,7 +95,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindO
   std::future<Energy> energy;
   if (on_surface)
     energy = run_async(pool.count(), [&]() -> Energy {
-      EnergyBlock bending = energy_block(operators, region, options.smoothness);
+      EnergyBlock bending = energy_block(even_operators(), region, options.smoothness);
       auto symbolic =
           std::make_shared<SymbolicCholesky>(bending.sparse, dissection->order(bending.sparse));
       return {std::move(bending), std::move(symbolic)};
@@ -119,7 +120,7 @@ PolyharmonicSystem BoundSurface::factored_energy(const SurfaceOperators& metric,
                                                  Smoothness smoothness,
                                                  const EnergyBlock& on_surface,
                                                  const BlockOptions& block_options) const {
-  if (&metric == &operators && on_surface.sparse.size() > 0)
+  if (&metric == &even_operators() && on_surface.sparse.size() > 0)
     return PolyharmonicSystem(metric, region, smoothness, on_surface, block_options);
   return PolyharmonicSystem(metric, region, smoothness, block_options);
 }
@@ -159,13 +160,13 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions block_o
     rethrow_as("lies where the surface smoothed by " + edge_lengths(options.metric_smoothing) +
                    " edge lengths can't be solved for",
                Remedy::smooth_metric_less, [&] {
-                 const SurfaceOperators faired =
-                     surface_operators(faired_surface(mesh, operators, options.metric_smoothing),
-                                       mesh.triangles, options.triangulation);
+                 const SurfaceOperators faired = surface_operators(
+                     faired_surface(mesh, even_operators(), options.metric_smoothing),
+                     mesh.triangles, options.triangulation);
                  solve_on(faired, 0.15);
                });
   } else {
-    solve_on(operators, 0.15);
+    solve_on(even_operators(), 0.15);
   }
   if (options.base_metric == BaseMetric::base) {
     rethrow_as("lies where the base surface collapses, so that its stiffness can't be measured",

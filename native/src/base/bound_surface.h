@@ -19,6 +19,8 @@ struct BindOptions {
   Positions base = {};
   /// The triangles of that base if its topology differs from the mesh's, else empty. See BaseProxy.
   Triangles base_triangles = {};
+  /// Of each vertex, 0 to 1, as for Stiffness; or empty.
+  Eigen::VectorXf stiffness = {};
   /// Of the factors and constants that frames read, see PoissonSystem. Full is for comparisons.
   Precision precision = Precision::full;
   /// Threads of the bind and of every frame, the caller's included; 0: all of the machine.

@@ -47,6 +47,7 @@ BindOptions without_surfaces(const BindOptions& options) {
   result.metric_smoothing = options.metric_smoothing;
   result.smoothness = options.smoothness;
   result.triangulation = options.triangulation;
+  result.stiffness = options.stiffness;
   result.precision = options.precision;
   result.threads = options.threads;
   return result;

@@ -92,6 +92,8 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
   BindOptions how = without_surfaces(options);
   how.threads = 1;  // the bind uses the other threads
+  how.stiffness =
+      options.stiffness.size() ? Eigen::VectorXf(options.stiffness(vertices)) : Eigen::VectorXf();
   how.metric_smoothing =
       options.metric_smoothing * mean_edge_length(mesh.positions, mesh.triangles) /
       (draft->box_.scale * mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles));

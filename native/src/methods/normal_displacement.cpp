@@ -109,7 +109,7 @@ Positions intermediate(const BoundSurface& bound, int level, int levels) {
   double area = 0;
   for (int v : bound.region.free) area += bound.operators.masses[v];
   const double growth = std::max(std::sqrt(area) / edge, 1.0);
-  return smoothed_surface(bound.mesh.positions, bound.operators, bound.region,
+  return smoothed_surface(bound.mesh.positions, bound.even_operators(), bound.region,
                           edge * std::pow(growth, double(level) / levels));
 }
 

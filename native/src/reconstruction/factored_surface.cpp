@@ -7,11 +7,28 @@
 
 namespace dd {
 
+namespace {
+
+double bytes_of(const SurfaceOperators& operators) {
+  const auto doubles = operators.metric.cotangents.size() + operators.metric.areas.size() +
+                       operators.stiffness.size() + operators.masses.size();
+  return static_cast<double>(doubles) * sizeof(double) +
+         static_cast<double>(operators.triangles.size()) * sizeof(int) +
+         static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int));
+}
+
+}  // namespace
+
 FactoredSurface::FactoredSurface(Mesh its_mesh, const Region& its_region,
-                                 Triangulation triangulation)
+                                 Triangulation triangulation, Stiffness its_stiffness)
     : mesh(std::move(its_mesh)),
       region(its_region),
-      operators(surface_operators(mesh.positions, mesh.triangles, triangulation)) {}
+      stiffness(std::move(its_stiffness)),
+      operators(surface_operators(mesh.positions, mesh.triangles, triangulation)) {
+  if (!stiffness.varies()) return;
+  even = std::move(operators);
+  operators = stiffened(*even, stiffness);
+}
 
 void FactoredSurface::factor(SparseMatrix block, BlockOptions options) {
   if (!dissection) dissection = free_dissection(block, region, mesh.positions, options.pool);
@@ -35,12 +52,9 @@ std::vector<int> FactoredSurface::faces_with_free_corners() const {
 }
 
 double FactoredSurface::bytes() const {
-  const auto doubles = mesh.positions.size() + operators.metric.cotangents.size() +
-                       operators.metric.areas.size() + operators.masses.size() + rest.size();
-  return static_cast<double>(doubles) * sizeof(double) +
-         static_cast<double>(mesh.triangles.size() + operators.triangles.size()) * sizeof(int) +
-         static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +
-         poisson->bytes();
+  return static_cast<double>(mesh.positions.size() + rest.size()) * sizeof(double) +
+         static_cast<double>(mesh.triangles.size()) * sizeof(int) + bytes_of(operators) +
+         (even ? bytes_of(*even) : 0) + stiffness.bytes() + poisson->bytes();
 }
 
 Rows in_order(const Positions& positions, const RowOrder& order) {

@@ -15,19 +15,25 @@ struct FactoredSurface {
   /// mesh: validated, in a box of about unit size, as tolerances assume. region must outlive this.
   /// triangulation: the triangles that carry gradients.
   FactoredSurface(Mesh its_mesh, const Region& its_region,
-                  Triangulation triangulation = Triangulation::given);
+                  Triangulation triangulation = Triangulation::given, Stiffness its_stiffness = {});
 
   /// Makes the Poisson system from block, a free_block() of operators.laplacian, and the dissection
   /// unless there is one. Throws UnsolvableSurface.
   void factor(SparseMatrix block, BlockOptions options);
 
   const RowOrder& order() const { return poisson->order(); }
+  /// Of the surface without its stiffness, for K. A stiff L would leave a stiff part free at its
+  /// border, where L d = 0 is met by d = const alone: it could not turn, and its base would shrink
+  /// to a point.
+  const SurfaceOperators& even_operators() const { return even ? *even : operators; }
   /// The mesh's own triangles with a free corner; without flips these are the active triangles.
   std::vector<int> faces_with_free_corners() const;
   double bytes() const;
 
   Mesh mesh;  ///< S
   const Region& region;
+  Stiffness stiffness;
+  std::optional<SurfaceOperators> even;  ///< if the stiffness varies
   SurfaceOperators operators;
   std::optional<Dissection> dissection;  ///< of the free vertices
   std::unique_ptr<PoissonSystem> poisson;

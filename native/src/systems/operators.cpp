@@ -214,6 +214,15 @@ SurfaceOperators surface_operators(const Positions& p, const Triangles& t,
   return operators;
 }
 
+SurfaceOperators stiffened(const SurfaceOperators& even, const Stiffness& stiffness) {
+  SurfaceOperators operators = even;
+  operators.stiffness = stiffness.of_triangles(operators.triangles);
+  operators.metric.cotangents.array().colwise() *= operators.stiffness.array();
+  operators.laplacian = cotangent_laplacian(operators.metric, operators.triangles,
+                                            static_cast<int>(operators.masses.size()));
+  return operators;
+}
+
 SparseMatrix gradient(const Positions& p, const Triangles& t) {
   const Index m = t.rows();
   std::vector<Eigen::Triplet<double>> entries;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "mesh/mesh.h"
+#include "systems/stiffness.h"
 
 namespace dd {
 
@@ -43,13 +44,16 @@ struct SurfaceOperators {
   /// m×3: the triangles of metric, laplacian and deformation gradients: the mesh's own, or
   /// intrinsic ones over the same vertices. A triangle that no flip changed keeps its index.
   Triangles triangles;
-  bool flipped = false;  ///< whether any edge was flipped
-  TriangleMetric metric;
+  bool flipped = false;       ///< whether any edge was flipped
+  TriangleMetric metric;      ///< cotangents times the stiffness
+  Eigen::VectorXd stiffness;  ///< m, of the triangles; empty: 1 everywhere
   SparseMatrix laplacian;
   Eigen::VectorXd masses;
 };
 SurfaceOperators surface_operators(const Positions& positions, const Triangles& triangles,
                                    Triangulation triangulation = Triangulation::given);
+/// The same of a surface of this stiffness. even: without any.
+SurfaceOperators stiffened(const SurfaceOperators& even, const Stiffness& stiffness);
 
 /// Gradient operator G (3), 3m×n: rows 3j..3j+2 hold (∇φ₁, ∇φ₂, ∇φ₃) of triangle j as in (13).
 SparseMatrix gradient(const Positions& positions, const Triangles& triangles);

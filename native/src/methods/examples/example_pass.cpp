@@ -31,8 +31,10 @@ ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& po
     const int j = poisson.active().triangles[active_index];
     ExampleBlock<Real>& block = blocks_[b];
     const auto cotangents = of.surface.operators.metric.cotangents.row(j);
+    const Eigen::VectorXd& stiffness = of.surface.operators.stiffness;
     const double a = std::sqrt(0.5 * (cotangents[1] + cotangents[2]));
-    const double skew = -0.5 * cotangents[2] / a, c = 0.5 / a;
+    const double skew = -0.5 * cotangents[2] / a;
+    const double c = (stiffness.size() ? 0.5 * stiffness[j] : 0.5) / a;
     block.a[lane] = static_cast<Real>(a);
     block.b[lane] = static_cast<Real>(skew);
     block.c[lane] = static_cast<Real>(c);

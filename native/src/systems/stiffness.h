@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "support/types.h"
+#include "systems/region.h"
+
+namespace dd {
+
+/// How stiff a surface is from place to place: each triangle's ∫‖∇x‖² counts with a factor k_j, its
+/// stiffness. So k_j multiplies its cotangents and with them its part of L and div, in all systems
+/// alike, while areas and masses stay. Where it is large, lengths over which rotations are smoothed
+/// are long, by the same factor: so a stiff part gets one rotation.
+class Stiffness {
+ public:
+  /// 1 everywhere.
+  Stiffness() = default;
+  /// weights: n values from 0, soft, to 1, rigid; or none. The softest free vertex has k = 1.
+  Stiffness(const Eigen::VectorXf& weights, const Region& region);
+
+  /// That of a coarse version of the surface, whose vertices are these. As values are interpolated
+  /// from it, its triangles are stiff if any free corner is: the fine vertices between a stiff
+  /// part's coarse ones and the next ones are in that part, too. Those of the surface itself are
+  /// stiff if all are.
+  Stiffness of_coarse(const std::vector<int>& vertices) const;
+
+  bool varies() const { return of_vertex_.size() > 0; }
+  /// m factors k_j; empty: 1 everywhere.
+  Eigen::VectorXd of_triangles(const Triangles& triangles) const;
+  double bytes() const { return static_cast<double>(of_vertex_.size()) * sizeof(double); }
+
+ private:
+  /// n, at least 1. 0 for constrained vertices, which are rigid anyway and don't count.
+  Eigen::VectorXd of_vertex_;
+  bool by_any_corner_ = false;
+};
+
+}  // namespace dd
