@@ -13,11 +13,12 @@ namespace dd {
 ///
 /// A 3×3 gradient T matters only within its triangle's plane, so it is stored as 3×2, scaled by
 /// √(k_j A_j), k_j the triangle's stiffness, so that sums of squares are areas where k_j = 1. Each
-/// triangle has three 2-vectors, from its cotangents, which have the factor k_j: g_0 = (a, 0), g_1 =
-/// (b, k_j/(2a)), g_2 = −g_0 − g_1. Then g_k · g_l is the triangle's entry of L. The gradient of
-/// positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ, with the squared norm k_j A_j ‖G_j(x)‖². The divergence of a gradient X at corner k is X g_k, the flux of corner_divergence();
-/// it is finite for triangles without area, too. All gradients are differences from rest, so a
-/// surface at rest gives exact zeros.
+/// triangle has three 2-vectors, from its cotangents, which have the factor k_j: g_0 = (a, 0),
+/// g_1 = (b, k_j/(2a)), g_2 = −g_0 − g_1. Then g_k · g_l is the triangle's entry of L. The gradient
+/// of positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ, with the squared norm k_j A_j ‖G_j(x)‖². The
+/// divergence of a gradient X at corner k is X g_k, the flux of corner_divergence(); it is finite
+/// for triangles without area, too. All gradients are differences from rest, so a surface at rest
+/// gives exact zeros.
 template <class Real>
 class ExamplePass {
  public:
