@@ -32,7 +32,7 @@ def open_scene(name):
 
 
 # Heights in overview.png of the status, Bind and its buttons, the method, the output, Apply and Remove, and the panels.
-OVERVIEW = (62, 135, 208, 300, 373, 418, 444, 470, 496, 522)
+OVERVIEW = (62, 135, 231, 348, 421, 467, 493, 519, 545, 571)
 
 
 def hide_cameras():
