@@ -77,7 +77,8 @@ def test_the_empty_of_a_handle_on_top_is_not_rotated_and_others_have_y_up(plane)
     plane.data.flip_normals()
     below = add_from(plane, chosen).target
     update()
-    assert (below.matrix_world.to_3x3().col[2] - Vector((0, 0, -1))).length < 1e-5
+    below = below.matrix_world.to_3x3()
+    assert (below.col[2] - Vector((0, 0, -1))).length < 1e-5 and (below.col[1] - Vector((0, 1, 0))).length < 1e-5
     plane.rotation_euler = (0.5 * np.pi, 0, 1)
     update()
     beside = add_from(plane, chosen).target

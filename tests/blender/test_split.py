@@ -106,6 +106,22 @@ def test_a_split_mesh_is_pulled_as_the_whole_one(pair, method):
     assert parted.detail_deform.is_bound
 
 
+def test_one_copy_of_a_vertex_in_a_stiff_part_is_enough(pair):
+    """As where an island of UVs is painted: its border has copies in the next island."""
+    whole, parted, origin = pair
+    x, y = own(whole)[:, :2].T
+    chosen, stiff = np.hypot(x - 0.42, y - 0.5) < 0.09, (np.abs(x - 0.6) < 0.08) & (np.abs(y - 0.5) < 0.12)
+    last = np.zeros(len(origin), bool)
+    last[len(origin) - 1 - np.unique(origin[::-1], return_index=True)[1]] = True
+    for ob, handle, plate in ((whole, chosen, stiff), (parted, chosen[origin], stiff[origin] & last)):
+        empty = pull(ob, handle, radius=0.3)
+        group(ob, 'plate', np.flatnonzero(plate))
+        ob.detail_deform.stiff_parts = 'plate'
+        bind(activate(ob), keep_rest=True)
+        turned(empty)
+    assert np.abs(evaluated(parted) - evaluated(whole)[origin]).max() < 1e-4 * np.ptp(own(whole), axis=0).max()
+
+
 def test_one_side_of_a_seam_in_a_handle_takes_the_other_along(pair):
     _, parted, origin = pair
     first = np.zeros(len(origin), bool)

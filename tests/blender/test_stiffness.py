@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from conftest import activate, bind, evaluated, group, members, own, refusal, update
+from conftest import activate, bind, choose, evaluated, group, members, own, refusal, update
 from test_own_reach import by_itself, pose, two_pulls
 from test_solidity import LENGTH, lead_down, make_tentacle, sections, twist
 
@@ -174,11 +174,19 @@ def test_within_a_reach_of_its_own():
     assert np.abs(stiff - alone).max() < 2e-4 * np.sqrt(8)
 
 
-def test_by_other_methods(limb):
-    settings, plate = limb.detail_deform, plate_of(limb)
-    settings.stiff_parts = 'armour'
+@pytest.mark.parametrize('settings, is_rigid', [
+    ({}, True), ({'refine': 16}, True), ({'solidity': 0, 'refine': 8}, True), ({'method': 'GRADIENT'}, True),
+    ({'refine': 0}, False), ({'rotation_only': False}, False), ({'formulation': 'FOURTH_POINTS'}, False),
+    ({'method': 'VARIATIONAL'}, False), ({'method': 'NORMAL'}, False)])
+def test_where_parts_are_not_rigid_it_is_told(limb, settings, is_rigid):
+    choose(limb, stiff_parts='armour', **settings)
+    bend(bind(limb))
+    assert (off_rigid(limb, plate_of(limb)) < 1e-3) == is_rigid
+    assert ("Stiff Parts are not rigid as it is set now" in limb.detail_deform.status) != is_rigid
+
+
+def test_a_changed_base_is_not_taken_for_a_changed_stiffness(limb):
+    choose(limb, stiff_parts='armour')
     bind(limb)
-    for method, most in (('TRANSFER', 1e-3), ('GRADIENT', 1e-3)):
-        settings.method = method
-        bend(limb)
-        assert off_rigid(limb, plate) < most, method
+    limb.detail_deform.smoothness = 3
+    assert "Settings or examples that need a new Bind were changed" in limb.detail_deform.status

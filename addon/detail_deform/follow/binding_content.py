@@ -132,7 +132,7 @@ def difference(subject):
         return ""
     if settings.base == 'OBJECT':
         return BASE_CHANGED
-    if current[1] != bound[1]:
+    if current[0] == bound[0] and current[1] != bound[1]:
         return "Stiff Parts, or the weights of its group, were changed since Bind."
     return "Settings or examples that need a new Bind were changed."
 

@@ -145,6 +145,8 @@ def begin(subject, signature, found, options, welded):
     hung = roles.hung(subject.mesh, found.of_all, triangles)
     written_offsets.know(subject, signature, welded, triangles, hung)
     of_all = options | {name: subject.space.to(options[name]) for name in ('examples', 'base') if name in options}
+    if 'stiffness' in options:
+        of_all['stiffness'] = welded.largest(options['stiffness'])
     of_all['draft'] = _has_draft(len(hung))
     parts = binding_content.parts_to_bind(subject, found, welded, triangles, hung)
     if subject.settings.base == 'OBJECT':  # without a first update: the base may have moved by then

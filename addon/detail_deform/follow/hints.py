@@ -57,8 +57,10 @@ def _of_region(ob, found, edges):
         yield (f"Region or Reach hold all of the loose part that these handles are on, one each, so the part moves as "
                f"a whole: {names}. To bend it make them smaller (By Radius), or add a handle that stays.")
     if settings.stiff_parts:
-        weights = binding_content.stiffness(ob)[found.of_all == native.ROLE_FREE]
-        if len(weights) and not np.ptp(weights):
+        weights = binding_content.stiffness(ob)
+        free = [(weights if part.is_whole else weights[part.vertices])[part.roles == native.ROLE_FREE]
+                for part in found.parts]
+        if not any(len(of_part) and np.ptp(of_part) for of_part in free):
             yield (f"Vertex group '{settings.stiff_parts}' has one weight on all that may deform, so Stiff Parts "
                    "changes nothing: paint what is to bend less more than the rest.")
     if settings.method == 'EXAMPLES' and found.parts[0].is_whole:

@@ -223,6 +223,9 @@ def _remarks(ob, info):
         twice = posers.applied_twice(ob)
         if twice:
             yield f"{_names(twice)} poses the result once more, of whose poses there are examples: switch it off."
+    if settings.stiff_parts and settings.base == 'COMPUTED' and not update_options.keeps_parts_rigid(settings):
+        yield ("Stiff Parts are not rigid as it is set now: choose Detail Transfer with Keep Detail Size and Quality "
+               "of large bends, or Gradient Editing.")
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
         yield "Gradient Editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':

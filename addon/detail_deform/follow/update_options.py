@@ -69,3 +69,10 @@ def knows_whole_turns(settings):
 def is_slow(settings):
     """Whether the result takes too long for a drag, and is computed when the handles pause."""
     return settings.output == 'RESULT' and (steps(settings) > 1 or settings.method == 'VOLUMES')
+
+
+def keeps_parts_rigid(settings):
+    """Whether parts with a stiffness of 1 are rigid, or by Examples as these have them."""
+    if settings.method == 'TRANSFER':
+        return bool(settings.refine and settings.rotation_only) and settings.formulation == 'SURFACE'
+    return settings.method in {'GRADIENT', 'EXAMPLES'}

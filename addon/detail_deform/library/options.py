@@ -230,13 +230,7 @@ SETTINGS = (
            "Vertex group by whose weights parts bend less than the rest: with 1 they are rigid, as bone or armour, "
            "with 0.5 a hundred times as stiff as with 0. To make a joint that bends more, paint all but the joint. "
            "Takes effect at the next Bind",
-           section='METHOD', search='vertex_groups', copied=False,
-           needs=(_by('TRANSFER', 'GRADIENT', 'EXAMPLES'), _COMPUTED,
-                  Need('rotation_only', (True,), "Parts are stiff only with Keep Detail Size: switch it on.",
-                       methods=('TRANSFER',)),
-                  Need('formulation', ('SURFACE',),
-                       "Parts are stiff only by Formulation > Surface (For Comparison).", methods=('TRANSFER',)),
-                  Need('refine', range(1, 1001), _WITHOUT_REFINE, methods=('TRANSFER', 'EXAMPLES')))),
+           section='METHOD', search='vertex_groups', copied=False, needs=(_COMPUTED,)),
     Option('rim_smoothing', float, "Rim Smoothing",
            "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
            "crease or spike, as a share of the size of the region (the square root of its area). 0: the paper's result",

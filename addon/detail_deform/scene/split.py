@@ -144,6 +144,14 @@ class WeldedMesh:
         result[first != np.arange(len(first))] = native.ROLE_FIXED
         return result
 
+    def largest(self, values):
+        """(n,) values for the welded mesh: a representative has the largest of the vertices welded with it."""
+        if self._first is None:
+            return values
+        result = values.copy()
+        np.maximum.at(result, self._first, values)
+        return result
+
     def spread(self, offsets):
         """(3 n,) offsets: each vertex gets that of its representative."""
         return offsets if self._first is None else offsets.reshape(-1, 3)[self._first].ravel()

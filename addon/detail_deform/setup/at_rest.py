@@ -3,7 +3,7 @@
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix, Vector
+from mathutils import Matrix, Vector
 
 from ..follow import binding, lifecycle
 from ..scene import displayed, handle_curves, handle_rests, handle_transforms, mesh_data, skin, world_transforms
@@ -78,7 +78,7 @@ def _put_home(ob, handle, depsgraph):
     posing = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_transforms.pose_matrix_of(handle)
     world = ob.matrix_world @ Matrix((posing @ handle_rests.home_transform(handle)).tolist())
     mode = handle.target.rotation_mode
-    home = (Euler() if mode in {'QUATERNION', 'AXIS_ANGLE'} else Euler(handle_rests.home_euler(handle, mode), mode))
+    home = handle_rests.home_euler(handle, mode)
     empties.place(handle.target, empties.without_shear(world) if any(handle.pose_matrix) else world, home)
 
 

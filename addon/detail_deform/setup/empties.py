@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Empties and curves of handles: created where their vertices are displayed, in a collection of the object's own."""
 
+import math
+
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ..scene import handle_transforms, mesh_data, skin, start, window
 
@@ -52,12 +54,14 @@ def placements(ob, parts, align):
 
 
 def _along(normal):
-    """The rotation that takes Z to a unit normal, with Y as upright as can be. Where the normal is vertical, the
-    smallest one, none for a handle on top: the former would be half a turn there, whose angle is 180 or -180 degrees
-    by rounding, and whole turns are told by angles."""
-    if normal.xy.length < _LEVEL:
-        return Vector((0, 0, 1)).rotation_difference(normal)
-    return normal.to_track_quat('Z', 'Y')
+    """The rotation that takes Z to a unit normal, with Y as upright as can be. Where the normal is vertical, Y stays
+    as it is: for a handle on top, the former would be half a turn, whose angle is 180 or -180 degrees by rounding, and
+    whole turns are told by angles."""
+    if normal.xy.length > _LEVEL:
+        return normal.to_track_quat('Z', 'Y')
+    level = Vector((0, 0, math.copysign(1, normal.z)))
+    upside_down = Quaternion((0, 1, 0), math.pi if normal.z < 0 else 0)
+    return level.rotation_difference(normal) @ upside_down
 
 
 def place(empty, world, euler):
@@ -66,7 +70,7 @@ def place(empty, world, euler):
     empty.matrix_world = world
     mode = empty.rotation_mode
     if mode not in {'QUATERNION', 'AXIS_ANGLE'}:
-        empty.rotation_euler = empty.rotation_euler.to_matrix().to_euler(mode, euler)
+        empty.rotation_euler = empty.rotation_euler.to_matrix().to_euler(mode, Euler(euler, mode))
 
 
 def collection_of(context, ob):

@@ -136,7 +136,7 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
         for child in target.children:
             place = child.matrix_world.copy()
             child.parent = None
-            empties.place(child, place, child.rotation_euler.copy())
+            empties.place(child, place, child.rotation_euler[:])
         data = target.data
         bpy.data.objects.remove(target)
         if isinstance(data, bpy.types.Curve) and not data.users:

@@ -20,7 +20,7 @@ def make(context, ob):
         for empty, copy in copies.items():
             place = ob.matrix_world @ other.matrix_world.inverted_safe() @ empty.matrix_world
             if empty.parent not in replacements:  # else the animated local transform is kept
-                empties.place(copy, place, empty.rotation_euler)
+                empties.place(copy, place, empty.rotation_euler[:])
             _redirect_references(copy, replacements)
         for handle in settings.handles:
             if handle.target in copies:

@@ -22,9 +22,8 @@ struct FactoredSurface {
   void factor(SparseMatrix block, BlockOptions options);
 
   const RowOrder& order() const { return poisson->order(); }
-  /// Of the surface without its stiffness, for K. A stiff L would leave a stiff part free at its
-  /// border, where L d = 0 is met by d = const alone: it could not turn, and its base would shrink
-  /// to a point.
+  /// Of the surface without its stiffness, for K, which would shrink a stiff part's base to a point
+  /// (THEORY.md, Stiffness).
   const SurfaceOperators& even_operators() const { return even ? *even : operators; }
   /// The mesh's own triangles with a free corner; without flips these are the active triangles.
   std::vector<int> faces_with_free_corners() const;

@@ -389,8 +389,9 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& given, Rows& off
     find_means(turning.propagate_signs && iteration > 0 ? &propagated_gauge_ : turning.gauge);
     if (turning.propagate_signs && iteration == 0) propagate_signs();
     PassSettings settings = pass_settings(iteration, iterations);
+    // Of stiff parts, smoothing makes one rotation.
+    if (cross_sections_ || surface_.stiffness.varies()) settings.smoothing = 1;
     if (cross_sections_) {
-      settings.smoothing = 1;
       if (even_twist && (iteration == iterations - 1 || (iteration == 0 && given.gauge)))
         limb_twist_->run(vertex_rotations_);
       cross_section_means_->run(solidity_, vertex_rotations_);

@@ -3,14 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace dd {
 
 namespace {
 
-// The common logarithm of k of a rigid part. Tuned: on a limb bent by 90° a plate of a fifth of its
-// length is off a rigid motion by 4e-3 of its own length with 2, 4e-4 with 3 and 4e-5 with 4, at
-// 1,700 and at 15,000 vertices; single precision ends at 1e-6.
+// The common logarithm of k of a rigid part. Tuned: on a solid limb bent by 90° a plate of a fifth
+// of its length is off a rigid motion by 4e-3 of its own length with 2, 4e-4 with 3, 4e-5 with 4,
+// at 1,700 and at 15,000 vertices; single precision ends at 1e-6.
 constexpr double kRigid = 4;
 
 }  // namespace
@@ -29,20 +30,28 @@ Eigen::VectorXd Stiffness::of_triangles(const Triangles& triangles) const {
   if (!varies()) return result;
   result.resize(triangles.rows());
   for (Index j = 0; j < triangles.rows(); ++j) {
-    double found = 0;
+    double softest = std::numeric_limits<double>::infinity(), stiffest = 0;
     for (int v : triangles.row(j)) {
-      const double corner = of_vertex_[v];
-      if (corner > 0 && (found == 0 || by_any_corner_ == (corner > found))) found = corner;
+      if (of_vertex_[v] == 0) continue;
+      softest = std::min(softest, of_vertex_[v]);
+      stiffest = std::max(stiffest, of_vertex_[v]);
     }
-    result[j] = found > 0 ? found : 1;
+    const bool has_free_corner = stiffest > 0;
+    result[j] = !has_free_corner ? 1 : by_stiffest_corner_ ? stiffest : softest;
   }
   return result;
 }
 
-Stiffness Stiffness::of_coarse(const std::vector<int>& vertices) const {
+Stiffness Stiffness::of_coarse(const std::vector<int>& of_vertex, const Region& coarse) const {
   Stiffness result;
-  if (varies()) result.of_vertex_ = of_vertex_(vertices);
-  result.by_any_corner_ = true;
+  if (!varies()) return result;
+  result.of_vertex_.setZero(static_cast<Index>(coarse.role.size()));
+  for (size_t v = 0; v < of_vertex.size(); ++v) {
+    const int merged = of_vertex[v];
+    if (merged >= 0 && coarse.role[size_t(merged)] == kFree)
+      result.of_vertex_[merged] = std::max(result.of_vertex_[merged], of_vertex_[Index(v)]);
+  }
+  result.by_stiffest_corner_ = true;
   return result;
 }
 

@@ -10,8 +10,8 @@ namespace dd {
 
 /// How stiff a surface is from place to place: each triangle's ∫‖∇x‖² counts with a factor k_j, its
 /// stiffness. So k_j multiplies its cotangents and with them its part of L and div, in all systems
-/// alike, while areas and masses stay. Where it is large, lengths over which rotations are smoothed
-/// are long, by the same factor: so a stiff part gets one rotation.
+/// alike, while areas and masses stay. The length over which rotations are smoothed grows by √k, so
+/// that a stiff part that is shorter gets one rotation.
 class Stiffness {
  public:
   /// 1 everywhere.
@@ -19,11 +19,11 @@ class Stiffness {
   /// weights: n values from 0, soft, to 1, rigid; or none. The softest free vertex has k = 1.
   Stiffness(const Eigen::VectorXf& weights, const Region& region);
 
-  /// That of a coarse version of the surface, whose vertices are these. As values are interpolated
-  /// from it, its triangles are stiff if any free corner is: the fine vertices between a stiff
-  /// part's coarse ones and the next ones are in that part, too. Those of the surface itself are
-  /// stiff if all are.
-  Stiffness of_coarse(const std::vector<int>& vertices) const;
+  /// That of a coarse version of the surface, in which vertex v was merged into of_vertex[v] (-1:
+  /// none). The stiffest of the merged ones counts, and a triangle is as stiff as its stiffest free
+  /// corner: what is interpolated in it must not mix a stiff vertex with soft ones. A triangle of
+  /// the surface itself is as stiff as its softest free corner.
+  Stiffness of_coarse(const std::vector<int>& of_vertex, const Region& coarse) const;
 
   bool varies() const { return of_vertex_.size() > 0; }
   /// m factors k_j; empty: 1 everywhere.
@@ -33,7 +33,7 @@ class Stiffness {
  private:
   /// n, at least 1. 0 for constrained vertices, which are rigid anyway and don't count.
   Eigen::VectorXd of_vertex_;
-  bool by_any_corner_ = false;
+  bool by_stiffest_corner_ = false;
 };
 
 }  // namespace dd

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pull on posed meshes, in Local View, inside another pull, across a symmetry plane and on loose parts; a deleted
-empty, and an edited cage."""
+empty, an edited cage, and a plate that is painted rigid."""
 
 import bpy
 import numpy as np
 
+from curves import tentacle
 from desk import (activate, area, check, coordinates, evaluated, expect, in_hand, in_view, new_scene, offsets, point_at,
                   screenshot, settle, show_modifiers, surface, wait_until, xdotool)
 
@@ -246,3 +247,52 @@ def editing_a_cage():
     with in_view():
         bpy.ops.object.detail_deform_bind(keep_rest=True)
     yield from expect("and a new bind keeps it", lambda: ob.detail_deform.is_bound and lifted() > 0.2)
+
+
+def off_rigid(ob, part):
+    """How far these vertices are off the rigid motion that fits them best, as a fraction of their largest extent."""
+    rest, now = coordinates(ob.data)[part], evaluated(ob)[part]
+    a, b = rest - rest.mean(axis=0), now - now.mean(axis=0)
+    u, _, v = np.linalg.svd(a.T @ b)
+    u[:, 2] *= np.linalg.det(u @ v)
+    return np.linalg.norm(a @ (u @ v) - b, axis=1).max() / np.ptp(rest, axis=0).max()
+
+
+def stiffening():
+    """Bends a limb, makes a plate on it rigid by a vertex group, and repaints that in Weight Paint mode: it is bound
+    again by itself, in the same pose."""
+    yield from new_scene()
+    ob = tentacle()
+    activate(ob)
+    x, y, z = coordinates(ob.data).T
+    plate = np.flatnonzero((np.abs(x - 1.8) < 0.4) & (np.abs(np.arctan2(y, -z)) < 1.2))
+    select(ob, x > 3.7)
+    with in_view():
+        bpy.ops.object.detail_deform_pull('EXEC_DEFAULT', radius=3.2)
+        bpy.ops.view3d.view_axis(type='FRONT')
+    ob, empty = surface()
+    empty.rotation_euler.y += 1.5
+    empty.location.x, empty.location.z = 2.4, -1.9
+    yield from settle()
+    check("a plate bends with its limb", off_rigid(ob, plate) > 0.02)
+    place = evaluated(ob)[x > 3.7]
+    ob.vertex_groups.new(name="Armour").add(plate.tolist(), 1.0, 'REPLACE')
+    ob.detail_deform.stiff_parts = "Armour"
+    yield from expect("bound again by itself, it is rigid", lambda: ob.detail_deform.is_bound
+                      and off_rigid(ob, plate) < 1e-3)
+    check("and the handle is where it was", np.abs(evaluated(ob)[x > 3.7] - place).max() < 1e-3)
+    activate(ob)
+    yield from settle()
+    show_modifiers(ob)
+    with in_view():
+        bpy.ops.view3d.view_selected()
+        bpy.ops.object.mode_set(mode='WEIGHT_PAINT')
+    ob.vertex_groups.active_index = ob.vertex_groups["Armour"].index
+    yield from settle()
+    screenshot('stiff-parts')
+    ob.vertex_groups["Armour"].add(plate.tolist(), 0.25, 'REPLACE')
+    ob.data.update()
+    yield from expect("with less weight it bends a little", lambda: ob.detail_deform.is_bound
+                      and 2e-3 < off_rigid(ob, plate) < 0.06)
+    with in_view():
+        bpy.ops.object.mode_set(mode='OBJECT')

@@ -42,7 +42,8 @@ ROWS = {
     'pulls': (pulls.pulling, pulls.by_hand),
     'curves': (curves.by_curve,),
     'everyday': (everyday.pulling_what_is_posed, everyday.deleting_an_empty, everyday.pulling_inside,
-                 everyday.pulling_across_the_middle, everyday.pulling_a_whole_part, everyday.editing_a_cage),
+                 everyday.pulling_across_the_middle, everyday.pulling_a_whole_part, everyday.editing_a_cage,
+                 everyday.stiffening),
     'results': (results.expressing, results.rendering, results.baking),
     'large': (large.drafting, large.keeping_track),
 }

@@ -90,7 +90,8 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void find(int iterations, const BasePose& pose, const Turning& turning,
             const Rows& offsets) override {
-    const double smoothing = solidity_of_row_.size() > 0 ? 1 : last_smoothing(iterations);
+    const bool smooths_all = solidity_of_row_.size() > 0 || surface_->surface().stiffness.varies();
+    const double smoothing = smooths_all ? 1 : last_smoothing(iterations);
     if (rests_.count(smoothing) == 0) {
       // The right-hand side at rest, whose rotations are I up to rounding.
       const std::vector<Eigen::Matrix3d> still(pose.linear.size(), Eigen::Matrix3d::Identity());

@@ -35,9 +35,9 @@ std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, 
   std::unique_ptr<CoarseSurface> coarse(new CoarseSurface);
   coarse->region_ = region_of_roles(std::move(made.roles), region.handle_count);
   for (int v : region.grounds) coarse->region_.grounds.push_back(made.of_vertex[v]);
-  coarse->surface_ = std::make_unique<FactoredSurface>(std::move(made.mesh), coarse->region_,
-                                                       Triangulation::delaunay,
-                                                       fine.stiffness.of_coarse(made.vertices));
+  coarse->surface_ = std::make_unique<FactoredSurface>(
+      std::move(made.mesh), coarse->region_, Triangulation::delaunay,
+      fine.stiffness.of_coarse(made.of_vertex, coarse->region_));
   BlockOptions options;
   options.pool = &fine.poisson->pool();
   options.precision = fine.poisson->precision();
