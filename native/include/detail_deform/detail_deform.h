@@ -363,9 +363,9 @@ typedef struct dd_bind_options {
   size_t example_count; /* at most 1000 */
   /* A number for each vertex: 0 is soft, 1 is rigid, by updates with refinement or by
    * DD_METHOD_GRADIENT: a part that is small beside the deforming area is off a rigid motion by
-   * less than 1e-3 of its size. Parts of .5 resist 100 times as much as those of 0. Only differences
-   * matter: to make a joint softer than the rest, give the rest more. Null, the default: all of the
-   * surface is equally soft. */
+   * less than 1e-3 of its size. Parts of .5 resist 100 times as much as those of 0. Only
+   * differences matter: to make a joint softer than the rest, give the rest more. Null, the
+   * default: all of the surface is equally soft. */
   const float* stiffness;
   size_t stiffness_count;
 } dd_bind_options;
