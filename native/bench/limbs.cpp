@@ -2,9 +2,10 @@
 // Limbs with and without solidity: the least area of a cross-section over that at rest, the volume,
 // stretch, intersecting faces, how far a twist is from even along the limb, and the times in one
 // thread of a bind, of an update and of the first one, which finds the sections; then the survey's
-// cases.
+// cases. With layers, volumetric ARAP on tetrahedra beside them, so many between the centre line
+// and the surface.
 //
-//   limbs [density]     1: 1,682 vertices; 5: 42,002
+//   limbs [density [layers]]     1: 1,682 vertices; 5: 42,002
 #include <cstdio>
 #include <cstdlib>
 #include <optional>
@@ -16,6 +17,7 @@
 #include "mesh/measures.h"
 #include "tapered_limb.h"
 #include "timing.h"
+#include "volumetric_arap_peer.h"
 
 namespace {
 
@@ -54,8 +56,13 @@ std::vector<char> free_of(const std::vector<int>& roles) {
   return free;
 }
 
+void print_shape(const TaperedLimb& limb, const Positions& p) {
+  const dd::Measures found = dd::measure(limb.mesh, p, free_of(limb.roles));
+  std::printf("section %.3f  volume %.3f  stretch %.3f  intersecting %5d", limb.least_section(p),
+              found.volume_ratio, found.stretch, found.intersecting_triangles);
+}
+
 void measure_limb(const std::string& name, const TaperedLimb& limb, double solidity) {
-  const std::vector<char> free = free_of(limb.roles);
   dd::BindOptions one_thread;
   one_thread.threads = 1;
   one_thread.precision = dd::Precision::single;  // the library's default
@@ -78,12 +85,23 @@ void measure_limb(const std::string& name, const TaperedLimb& limb, double solid
     for (int round = 0; round < 5; ++round)
       times.push_back(milliseconds(
           [&] { p = limb.mesh.positions + deformer.update(motion.matrix.data(), options); }));
-    const dd::Measures found = dd::measure(limb.mesh, p, free);
-    std::printf("  %-13s section %.3f  volume %.3f  stretch %.3f  intersecting %5d  %8.2f ms",
-                motion.name.c_str(), limb.least_section(p), found.volume_ratio, found.stretch,
-                found.intersecting_triangles, dd::bench::median(times));
+    std::printf("  %-13s ", motion.name.c_str());
+    print_shape(limb, p);
+    std::printf("  %8.2f ms", dd::bench::median(times));
     if (motion.twist > 0) std::printf("  uneven by %.3f", limb.unevenness(p, motion.twist));
     std::printf("\n");
+  }
+}
+
+void measure_volumetric_arap(const std::string& name, const TaperedLimb& limb, int layers) {
+  std::printf("%s, volumetric ARAP\n", name.c_str());
+  for (const Motion& motion : motions()) {
+    const auto found =
+        dd::bench::deform_with_volumetric_arap(limb, layers, motion.matrix, motion.turn);
+    std::printf("  %-13s ", motion.name.c_str());
+    print_shape(limb, found.positions);
+    std::printf("  %d tetrahedra, factor %.1f ms, %d iterations of %.2f ms\n", found.tets,
+                found.factor_ms, found.iterations, found.iteration_ms);
   }
 }
 
@@ -107,12 +125,15 @@ void measure_survey() {
 
 int main(int argc, char** argv) {
   const int density = argc > 1 ? std::atoi(argv[1]) : 1;
-  if (density < 1) return std::fprintf(stderr, "limbs [density]\n"), 2;
+  const int layers = argc > 2 ? std::atoi(argv[2]) : 0;
+  if (density < 1 || layers < 0) return std::fprintf(stderr, "limbs [density [layers]]\n"), 2;
   const std::pair<std::string, TaperedLimb> limbs[] = {{"tentacle", {0.5, 0.06, 1, density}},
                                                        {"cylinder", {0.3, 0.3, 1, density}},
                                                        {"flat limb", {0.5, 0.3, 0.5, density}},
                                                        {"relief", {0.4, 0.2, 1, density, 0.08}}};
-  for (const auto& [name, limb] : limbs)
+  for (const auto& [name, limb] : limbs) {
     for (const double solidity : {0.0, 1.0}) measure_limb(name, limb, solidity);
+    if (layers > 0) measure_volumetric_arap(name, limb, layers);
+  }
   measure_survey();
 }

@@ -7,7 +7,7 @@ Above Solidity 0, below 1: a tentacle whose tip is led down, the same twisted by
 and a horn with relief led down. Needs a release build; takes a minute.
 """
 import sys
-from math import pi, radians
+from math import radians
 from pathlib import Path
 
 import bpy
@@ -21,18 +21,8 @@ import detail_deform  # noqa: E402
 import shapes  # noqa: E402
 import studio  # noqa: E402
 
-RINGS, SIDES, LENGTH = 121, 64, 4.0
+LENGTH = shapes.LIMB_LENGTH
 SIZE = (360, 420)
-
-
-def limb(bottom, top, relief=0.0):
-    """A closed tapered tube along z: points, faces and colours, in two tints so that twists are seen."""
-    points, faces = shapes.tube(RINGS, SIDES, LENGTH, lambda angle: shapes.circle(angle, 1.0))
-    points = points[:, [1, 2, 0]]  # from the x axis to the z axis
-    u, turn = points[:, 2] / LENGTH, np.arctan2(points[:, 1], points[:, 0])
-    points[:, :2] *= ((bottom + (top - bottom) * u) * (1 + relief * np.cos(8 * turn) * np.cos(24 * pi * u)))[:, None]
-    stripes = (np.arange(len(points)) % SIDES // 8) % 2
-    return points, faces, np.where(stripes[:, None] > 0, (0.75, 0.42, 0.22), (0.88, 0.72, 0.52))
 
 
 def bound(shape):
@@ -71,8 +61,9 @@ def main():
     bpy.ops.wm.read_factory_settings(use_empty=True)
     studio.prepare_limbs()
     rows = ([], [])
-    for shape, pose in ((limb(0.5, 0.06), led_down), (limb(0.5, 0.06), twisted(120)),
-                        (limb(0.5, 0.06), twisted(720)), (limb(0.5, 0.06), bent), (limb(0.45, 0.12, 0.1), led_down)):
+    for shape, pose in ((shapes.limb(0.5, 0.06), led_down), (shapes.limb(0.5, 0.06), twisted(120)),
+                        (shapes.limb(0.5, 0.06), twisted(720)), (shapes.limb(0.5, 0.06), bent),
+                        (shapes.limb(0.45, 0.12, 0.1), led_down)):
         ob, empty = bound(shape)
         pose(empty)
         for solidity, row in enumerate(rows):

@@ -100,6 +100,20 @@ def tube(rings, sides, length, outline):
         np.stack([np.full(sides, rings * sides + 1), last + (j + 1) % sides, last + j], -1)])
 
 
+LIMB_LENGTH = 4.0
+
+
+def limb(bottom, top, relief=0.0, rings=121, sides=64):
+    """A closed tapered tube along z, its faces outwards: points, faces and colours, in two tints so that twists are
+    seen."""
+    points, faces = tube(rings, sides, LIMB_LENGTH, lambda angle: circle(angle, 1.0))
+    points = points[:, [1, 2, 0]]  # from the x axis to the z axis
+    u, turn = points[:, 2] / LIMB_LENGTH, np.arctan2(points[:, 1], points[:, 0])
+    points[:, :2] *= ((bottom + (top - bottom) * u) * (1 + relief * np.cos(8 * turn) * np.cos(24 * np.pi * u)))[:, None]
+    stripes = (np.arange(len(points)) % sides // 8) % 2
+    return points, faces[:, ::-1], np.where(stripes[:, None] > 0, (0.75, 0.42, 0.22), (0.88, 0.72, 0.52))
+
+
 def square(angle, half=0.07):
     """An outline whose corners are vertices where the number of sides divides by four: the survey's bar."""
     side, along = np.divmod(4 * angle / np.pi + 1e-9, 2)

@@ -135,6 +135,16 @@ def draw_slowly(header, context):
     time.sleep(0.03)  # lets the render's thread run
 
 
+def count_calls(scene, depsgraph):
+    """A handler that writes: calls_begun has more than calls_ended where the drawing forbade it."""
+    calls_begun.append(scene.frame_current)
+    scene['written'] = scene.frame_current
+    calls_ended.append(scene.frame_current)
+
+
+calls_begun, calls_ended = [], []
+
+
 def redraw_header():
     for region in area('VIEW_3D').regions:
         region.tag_redraw()
@@ -158,6 +168,9 @@ def rendering():
     empty.location.z += 1
     empty.keyframe_insert('location', frame=4)
     pictures = {}
+    from detail_deform.scene import render_thread
+    counter = render_thread.repeated(count_calls)
+    bpy.app.handlers.frame_change_post.insert(0, counter)  # the add-on's own waits until the window has drawn
     bpy.types.VIEW3D_HT_header.append(draw_slowly)
     bpy.app.timers.register(redraw_header)
     yield from settle()
@@ -174,6 +187,9 @@ def rendering():
         if not lock:
             bpy.app.timers.unregister(redraw_header)
             bpy.types.VIEW3D_HT_header.remove(draw_slowly)
+            bpy.app.handlers.frame_change_post.remove(counter)
+            check("the drawing has forbidden a frame to write, which was repeated",
+                  len(calls_begun) > len(calls_ended) and {*calls_ended} == {1, 2, 3, 4})
     changes = [np.abs(b - a).mean() for a, b in zip(pictures[False], pictures[False][1:])]
     check("every rendered frame shows its own pose", min(changes) > 1e-3)
     check("with the interface locked the same", all(
