@@ -60,7 +60,9 @@ Affine rigid_fit(const Positions& rest, const Positions& p, const std::vector<in
 
 double off_rigid(const Positions& rest, const Positions& p, const std::vector<int>& vertices) {
   const Positions moved = transformed(rigid_fit(rest, p, vertices), rest);
-  return (p - moved)(vertices, kAllIndices).rowwise().norm().maxCoeff();
+  double farthest = 0;
+  for (int v : vertices) farthest = std::max(farthest, (p.row(v) - moved.row(v)).norm());
+  return farthest;
 }
 
 struct Pose {
@@ -303,7 +305,7 @@ TEST_CASE("stiffness: a plate is rigid with a free handle, a base outside, anoth
     Deformer other(sheet.mesh, sheet.roles, 1, how);
     const Positions p = sheet.mesh.positions + other.update(sheet.motion.data(), usual(), base);
     CHECK(off_rigid(sheet.mesh.positions, p, patch) < 1e-3);
-    CHECK((p - sheet.mesh.positions)(patch, kAllIndices).norm() > 0.1);
+    CHECK((p.row(patch[0]) - sheet.mesh.positions.row(patch[0])).norm() > 0.02);
   };
   check(options, nullptr);
   options.base_metric = BaseMetric::base;
