@@ -209,6 +209,20 @@ def test_another_rotation_mode_turns_nothing(of_rest, now, tilt):
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-4
 
 
+@pytest.mark.parametrize('mode', ['QUATERNION', 'AXIS_ANGLE', 'ZYX'])
+def test_back_to_rest_puts_back_an_empty_whose_rotation_mode_was_changed(mode):
+    ob, empty = tilted_bar((0.4, 0.2, 0.5))
+    place = np.array(empty.matrix_world)
+    empty.rotation_mode = mode
+    empty.matrix_world = Matrix.Translation((0, 0, 1)) @ Matrix.Rotation(0.6, 4, 'Z') @ empty.matrix_world
+    update()
+    activate(ob)
+    assert bpy.ops.object.detail_deform_handle_reset(everything=True) == {'FINISHED'}
+    update()
+    assert np.allclose(empty.matrix_world, place, atol=1e-5)
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-4
+
+
 def test_turns_by_channels_have_no_jumps(part):
     """The rotation vector is a continuous function of the Euler angles, up to nearly half a turn in two or three angles
     from random rest angles."""

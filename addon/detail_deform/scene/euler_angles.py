@@ -19,9 +19,9 @@ def local_euler(target):
 
 
 def in_order(euler, own, order):
-    """The same rotation as Euler angles of another order. own: the angles' present order; '' if unknown, as in old
-    files: then they are returned unchanged."""
-    if own == order or own not in _ORDERS:
+    """The same rotation as Euler angles of another order. own: the angles' present order. If that is unknown, '', as in
+    old files, or the other one isn't an order, they are returned unchanged."""
+    if own == order or not {own, order} <= _ORDERS:
         return tuple(euler)
     return Euler(euler, own).to_matrix().to_euler(order)[:]
 

@@ -77,9 +77,8 @@ def to_rest(context, ob, handles):
 def _put_home(ob, handle, depsgraph):
     posing = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_transforms.pose_matrix_of(handle)
     world = ob.matrix_world @ Matrix((posing @ handle_rests.home_transform(handle)).tolist())
-    mode = handle.target.rotation_mode
-    home = handle_rests.home_euler(handle, mode)
-    empties.place(handle.target, empties.without_shear(world) if any(handle.pose_matrix) else world, home)
+    empties.place(handle.target, empties.without_shear(world) if any(handle.pose_matrix) else world,
+                  handle_rests.home_euler(handle, handle.target.rotation_mode))
 
 
 def _store_pose_matrices(context, ob, handles):

@@ -66,7 +66,7 @@ def _along(normal):
 
 def place(empty, world, euler):
     """Sets its world matrix. euler: of all the angles of this rotation the nearest to these are taken, as a matrix has
-    no whole turns."""
+    no whole turns; not read where the empty's rotation is no Euler angles."""
     empty.matrix_world = world
     mode = empty.rotation_mode
     if mode not in {'QUATERNION', 'AXIS_ANGLE'}:
