@@ -42,7 +42,8 @@ def bind(ob, depsgraph, wait, keep_rest):
     lifecycle.start(handle_follower, signature,
                     lambda: handle_follower.begin(subject, signature, found, options, welded))
     _store(ob, signature)
-    hints.of_region(ob, found, welded)  # memoized while the roles are at hand: reading groups is slow
+    # Memoized while the roles are at hand: reading groups is slow.
+    hints.of_region(ob, found, welded, options.get('stiffness'))
     if wait or handle_follower.cache.find(signature):
         lifecycle.finish(handle_follower, signature)
         lifecycle.refresh(ob, depsgraph, force=True)

@@ -18,22 +18,25 @@ _MOST = 256
 _of_regions = session.Memo(_MOST)  # {(signature, method): sentences}, as reading groups is slow
 
 
-def of_region(ob, found=None, welded=None):
-    """Warnings about the region and the examples of a bound object; memoized. found: its roles.Roles, welded: its
-    split.WeldedMesh, if the caller has them."""
+def of_region(ob, found=None, welded=None, stiffness=None):
+    """Warnings about the region, the stiff parts and the examples of a bound object; memoized. found: its roles.Roles,
+    welded: its split.WeldedMesh, stiffness: of binding_content.stiffness(), if the caller has them."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
             welded = welded or split.WeldedMesh(ob)
             found = found or roles.of(Subject(ob), welded=welded)
-            sentences = list(_of_region(ob, found, welded.representatives(mesh_data.edges(ob.data))))
+            if stiffness is None and ob.detail_deform.stiff_parts and ob.detail_deform.base == 'COMPUTED':
+                stiffness = binding_content.stiffness(ob)
+            edges = welded.representatives(mesh_data.edges(ob.data))
+            sentences = list(_of_region(ob, found, edges, stiffness))
         except MeshProblem:  # the object is stale, or about to be
             return ()
         return _of_regions.put(key, sentences)
     return _of_regions.get(key)
 
 
-def _of_region(ob, found, edges):
+def _of_region(ob, found, edges, stiffness):
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return
@@ -56,9 +59,8 @@ def _of_region(ob, found, edges):
         names = ', '.join(f"'{name}'" for name in rigid)
         yield (f"Region or Reach hold all of the loose part that these handles are on, one each, so the part moves as "
                f"a whole: {names}. To bend it make them smaller (By Radius), or add a handle that stays.")
-    if settings.stiff_parts:
-        weights = binding_content.stiffness(ob)
-        free = [(weights if part.is_whole else weights[part.vertices])[part.roles == native.ROLE_FREE]
+    if stiffness is not None:
+        free = [(stiffness if part.is_whole else stiffness[part.vertices])[part.roles == native.ROLE_FREE]
                 for part in found.parts]
         if not any(len(of_part) and np.ptp(of_part) for of_part in free):
             yield (f"Vertex group '{settings.stiff_parts}' has one weight on all that may deform, so Stiff Parts "

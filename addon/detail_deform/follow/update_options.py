@@ -8,7 +8,7 @@ from ..scene import examples
 from ..scene.mesh_data import MeshProblem
 
 _KEPT_OF_SLOW = ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots', 'soft_border')
-_STEPS = next(option for option in options.SETTINGS if option.name == 'steps')
+_STEPS, _REFINE = (next(option for option in options.SETTINGS if option.name == name) for name in ('steps', 'refine'))
 
 
 def arguments(settings):
@@ -74,5 +74,5 @@ def is_slow(settings):
 def keeps_parts_rigid(settings):
     """Whether parts with a stiffness of 1 are rigid, or by Examples as these have them."""
     if settings.method == 'TRANSFER':
-        return bool(settings.refine and settings.rotation_only) and settings.formulation == 'SURFACE'
+        return options.library_value(_REFINE, settings) > 0
     return settings.method in {'GRADIENT', 'EXAMPLES'}

@@ -45,17 +45,6 @@ std::vector<int> with_all_handles(const CoarseMesh& coarse, const Region& region
   return vertices;
 }
 
-/// The weights of so many coarse vertices: the largest of those that were merged into one.
-Eigen::VectorXf merged(const Eigen::VectorXf& weights, const CoarseMesh& coarse, size_t count) {
-  Eigen::VectorXf result;
-  if (weights.size() == 0) return result;
-  result.setZero(static_cast<Index>(count));
-  for (size_t v = 0; v < coarse.of_vertex.size(); ++v)
-    if (const int own = coarse.of_vertex[v]; own >= 0)
-      result[own] = std::max(result[own], weights[Index(v)]);
-  return result;
-}
-
 }  // namespace
 
 Draft::Draft(const Mesh& mesh, Region region, int threads)
@@ -103,7 +92,8 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
   BindOptions how = without_surfaces(options);
   how.threads = 1;  // the bind uses the other threads
-  how.stiffness = merged(options.stiffness, coarse, vertices.size());
+  if (options.stiffness.size() > 0)
+    how.stiffness = largest_merged(options.stiffness, coarse.of_vertex, vertices.size());
   how.metric_smoothing =
       options.metric_smoothing * mean_edge_length(mesh.positions, mesh.triangles) /
       (draft->box_.scale * mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles));

@@ -45,12 +45,9 @@ Eigen::VectorXd Stiffness::of_triangles(const Triangles& triangles) const {
 Stiffness Stiffness::of_coarse(const std::vector<int>& of_vertex, const Region& coarse) const {
   Stiffness result;
   if (!varies()) return result;
-  result.of_vertex_.setZero(static_cast<Index>(coarse.role.size()));
-  for (size_t v = 0; v < of_vertex.size(); ++v) {
-    const int merged = of_vertex[v];
-    if (merged >= 0 && coarse.role[size_t(merged)] == kFree)
-      result.of_vertex_[merged] = std::max(result.of_vertex_[merged], of_vertex_[Index(v)]);
-  }
+  result.of_vertex_ = largest_merged(of_vertex_, of_vertex, coarse.role.size());
+  for (size_t v = 0; v < coarse.role.size(); ++v)
+    if (coarse.role[v] != kFree) result.of_vertex_[Index(v)] = 0;
   result.by_stiffest_corner_ = true;
   return result;
 }

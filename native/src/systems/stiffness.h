@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "support/types.h"
@@ -8,9 +9,20 @@
 
 namespace dd {
 
+/// Of values of vertices, none below 0, those of `count` coarse ones: the largest of the vertices
+/// that were merged into each. of_vertex: the coarse vertex of each, or -1.
+template <class Vector>
+Vector largest_merged(const Vector& values, const std::vector<int>& of_vertex, size_t count) {
+  Vector result = Vector::Zero(static_cast<Index>(count));
+  for (size_t v = 0; v < of_vertex.size(); ++v)
+    if (const int coarse = of_vertex[v]; coarse >= 0)
+      result[coarse] = std::max(result[coarse], values[Index(v)]);
+  return result;
+}
+
 /// How stiff a surface is from place to place: each triangle's ∫‖∇x‖² counts with a factor k_j, its
 /// stiffness. So k_j multiplies its cotangents and with them its part of L and div, in all systems
-/// alike, while areas and masses stay. The length over which rotations are smoothed grows by √k, so
+/// but K, while areas and masses stay. The length over which rotations are smoothed grows by √k, so
 /// that a stiff part that is shorter gets one rotation.
 class Stiffness {
  public:
