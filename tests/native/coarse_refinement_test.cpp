@@ -47,9 +47,9 @@ struct Posed {
     gradients->take({base, linear}, true);
     Rows moved = solved(*gradients, offsets);
     const auto refinement =
-        make_refinement(bound, kLength * bound.active_size, bound.operators.masses);
+        make_refinement(bound, &bound.base, kLength * bound.active_size, bound.operators.masses);
     refinement->set_solidity(nullptr, 0);
-    refinement->find(iterations, {}, moved);
+    refinement->find(iterations, base, {}, moved);
     return solved(*refinement, moved);
   }
 

@@ -7,6 +7,7 @@
 #include "limbs.h"
 #include "mesh/measures.h"
 #include "support/rotations.h"
+#include "tapered_limb.h"
 
 using namespace dd;
 using test::Affine;
@@ -129,6 +130,23 @@ TEST_CASE("a limb pulled by a hand that only places stretches as little as by th
     // It turns in the plane of the pull.
     CHECK(rotation_vector(hand.rotation).normalized().dot(axis) > 0.999);
   }
+}
+
+TEST_CASE("the tip of a limb that is led aside turns, however thin the limb is") {
+  for (const double solidity : {0.0, 1.0})
+    for (const double radius : {0.3, 0.1, 0.03}) {
+      const test::TaperedLimb limb(radius, radius);
+      Deformer deformer(limb.mesh, limb.roles, 1, {});
+      UpdateOptions options = placed({1});
+      options.of_method.refined.solidity = solidity;
+      std::vector<double> turns;
+      const Affine motion = moved(0, 2, -1.2);
+      const std::vector<double> found = deformer.completed_matrices(motion.data(), options, turns);
+      INFO("radius " << radius << ", solidity " << solidity);
+      // About x, by about twice the angle of the chord from where the limb is held, 42°.
+      CHECK(std::atan2(-found[6], found[5]) < test::radians(-75));
+      CHECK(std::atan2(-found[6], found[5]) > test::radians(-95));
+    }
 }
 
 TEST_CASE("handles that only place don't depend on other loose parts") {

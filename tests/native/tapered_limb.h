@@ -32,6 +32,26 @@ struct TaperedLimb {
                   })),
         roles(ends_held(mesh, 0.1, 0.9)) {}
 
+  /// The same vertices with triangles that are symmetric about the plane x = 0: its quads are cut
+  /// along the mirrored diagonals where x < 0.
+  TaperedLimb symmetric() const {
+    const auto mirrored = [&](int v) {
+      return v >= rings * sides ? v : v - v % sides + (sides + sides / 2 - v % sides) % sides;
+    };
+    TaperedLimb made = *this;
+    Index count = 0;
+    for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+      const Eigen::RowVector3i t = mesh.triangles.row(j);
+      const bool is_cap = t.maxCoeff() >= rings * sides;
+      const double x = mesh.positions(t[0], 0) + mesh.positions(t[1], 0) + mesh.positions(t[2], 0);
+      if (!is_cap && x < 0) continue;
+      made.mesh.triangles.row(count++) = t;
+      if (!is_cap)
+        made.mesh.triangles.row(count++) << mirrored(t[0]), mirrored(t[2]), mirrored(t[1]);
+    }
+    return made;
+  }
+
   double section(const Positions& p, int ring) const {
     const Positions points = p.middleRows(Index(ring) * sides, sides);
     const Eigen::RowVector3d centre = points.colwise().mean();

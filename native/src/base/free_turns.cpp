@@ -3,6 +3,8 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <utility>
@@ -25,6 +27,8 @@ constexpr double kSmallestRotationWeight = 1e-6;
 // Shift of the diagonal of D_ff, relative to its largest entry, and that entry's least value: a
 // handle that nothing connects to others has a zero row, and its weights become zero.
 constexpr double kUnconnectedShift = 1e-12;
+// Largest turn to begin with, 150°. Safety: from half a turn on an arc may lie on either side.
+constexpr double kMaxArc = kPi * 5 / 6;
 
 /// The rotation that best aligns two point sets about their means (least squares).
 Eigen::Matrix3d rotation_between(const Positions& from, const Positions& to) {
@@ -68,6 +72,7 @@ void FreeTurns::find_harmonic_weights() {
   const RowOrder& order = bound_.order();
   const std::vector<int>& free_handles = energy_.free_handles();
   const int all = bound_.region.handle_count, own = static_cast<int>(free_handles.size());
+  holds_.assign(size_t(own), {});
   RowMatrix forces = RowMatrix::Zero(all, all);
   const auto each_neighbour = [&](const auto& use) {
     for (int v : bound_.region.handle_vertices)
@@ -80,6 +85,8 @@ void FreeTurns::find_harmonic_weights() {
   });
   for_each_harmonic_weights(
       bound_, extension_over(bound_), [&](int first, int some, const Rows& values) {
+        for (int column = 0; column < some; ++column)
+          if (free_[size_t(first + column)]) add_to_hold(first + column, column, values);
         each_neighbour([&](int handle, int neighbour, double value) {
           const int row = order.row_of_vertex[neighbour];
           if (row < order.free_count)
@@ -97,6 +104,59 @@ void FreeTurns::find_harmonic_weights() {
   among.diagonal().array() +=
       kUnconnectedShift * (kUnconnectedShift + among.diagonal().cwiseAbs().maxCoeff());
   harmonic_weights_ = -Eigen::LDLT<Eigen::MatrixXd>(among).solve(others);
+}
+
+/// Adds the rims that a free handle's harmonic weights, in a column of weights, flow to.
+void FreeTurns::add_to_hold(int handle, int column, const Rows& weights) {
+  const std::vector<int>& free_handles = energy_.free_handles();
+  const auto own = std::lower_bound(free_handles.begin(), free_handles.end(), handle);
+  std::vector<Hold>& holds = holds_[size_t(own - free_handles.begin())];
+  holds.resize(free_.size() + 1);
+  const RowOrder& order = bound_.order();
+  for (const int rim : bound_.poisson->rims()) {
+    const int v = order.vertex_of_row[size_t(rim)], role = bound_.region.role[size_t(v)];
+    if (role >= 0 && free_[size_t(role)]) continue;
+    double flux = 0;
+    for (SparseMatrix::InnerIterator it(bound_.operators.laplacian, v); it; ++it)
+      if (const int row = order.row_of_vertex[size_t(it.row())]; row < order.free_count)
+        flux -= it.value() * weights(row, column);
+    Hold& hold = role >= 0 ? holds[size_t(role)] : holds.back();
+    const Eigen::Vector3d p = bound_.mesh.positions.row(v);
+    hold.weight += flux;
+    hold.sum += flux * p;
+    hold.squares += flux * p.squaredNorm();
+  }
+}
+
+/// A handle at the tip of a limb, led aside, turns like the end of an arc: by twice the angle of
+/// its chord. Without this start, the energy of a thin limb has a saddle near an S with an unturned
+/// tip.
+Eigen::Matrix3d FreeTurns::turned_like_an_arc(size_t free_index, const Eigen::Matrix3d& rotation,
+                                              const std::vector<Affine>& motions,
+                                              const Eigen::Vector3d& pivot) const {
+  double weight = 0, squares = 0;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero(), moved = sum;
+  for (size_t h = 0; h < holds_[free_index].size(); ++h) {
+    const Hold& hold = holds_[free_index][h];
+    weight += hold.weight;
+    squares += hold.squares;
+    sum += hold.sum;
+    moved +=
+        h < motions.size()
+            ? Eigen::Vector3d(motions[h].leftCols<3>() * hold.sum + hold.weight * motions[h].col(3))
+            : hold.sum;
+  }
+  if (!(weight > 0)) return rotation;
+  const Eigen::Vector3d chord = pivot - sum / weight;
+  const Affine& own = motions[size_t(energy_.free_handles()[free_index])];
+  const Eigen::Vector3d to = own.leftCols<3>() * pivot + own.col(3) - moved / weight;
+  if (!std::isfinite(to.squaredNorm())) return rotation;
+  // A limb is longer than what holds it is wide, from once to twice as long.
+  const double spread = std::sqrt(std::max(std::numeric_limits<double>::min(),
+                                           squares / weight - (sum / weight).squaredNorm()));
+  const double fraction = std::clamp(chord.norm() / spread - 1, 0.0, 1.0);
+  const Eigen::AngleAxisd turn(Eigen::Quaterniond::FromTwoVectors(rotation * chord, to));
+  return rotation_by(fraction * std::min(2 * turn.angle(), kMaxArc) * turn.axis()) * rotation;
 }
 
 void FreeTurns::find_groups() {
@@ -198,8 +258,11 @@ void FreeTurns::interpolate(const HandleGroup& group, const std::vector<Affine>&
 void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
                      std::vector<double>& turns) const {
   const Interpolated start = interpolate(motions, pivots, turns);
-  const std::vector<Eigen::Matrix3d> minimizing =
-      energy_.minimize(motions, pivots, start.rotations);
+  std::vector<Eigen::Matrix3d> initial = start.rotations;
+  for (size_t i = 0; i < initial.size(); ++i)
+    initial[i] = turned_like_an_arc(i, initial[i], motions,
+                                    pivots.row(energy_.free_handles()[i]).transpose());
+  const std::vector<Eigen::Matrix3d> minimizing = energy_.minimize(motions, pivots, initial);
   if (turns.empty()) turns.assign(3 * free().size(), 0.0);
   for (size_t i = 0; i < minimizing.size(); ++i) {
     const int h = energy_.free_handles()[i];

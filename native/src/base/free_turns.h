@@ -13,9 +13,10 @@ namespace dd {
 /// minimize the as-rigid-as-possible energy of the base (ReducedEnergy), with the other handles'
 /// motions and the positions of the pivots given.
 ///
-/// The minimization begins with the rotations of the other handles, interpolated harmonically.
-/// Where other handles turn by 180° or more, beyond what blended displacements can follow, these
-/// are also the result; from 135° on the two are mixed.
+/// The minimization begins with the rotations of the other handles, interpolated harmonically, and
+/// those at the tip of a limb turned on like the end of an arc. Where other handles turn by 180° or
+/// more, beyond what blended displacements can follow, the interpolated ones are also the result;
+/// from 135° on the two are mixed.
 class FreeTurns {
  public:
   using Affine = MotionBlend::Affine;
@@ -42,6 +43,10 @@ class FreeTurns {
   struct Interpolated;
   void find_groups();
   void find_harmonic_weights();
+  void add_to_hold(int handle, int column, const Rows& weights);
+  Eigen::Matrix3d turned_like_an_arc(size_t free_index, const Eigen::Matrix3d& rotation,
+                                     const std::vector<Affine>& motions,
+                                     const Eigen::Vector3d& pivot) const;
   Interpolated interpolate(const std::vector<Affine>& motions, const Positions& pivots,
                            const std::vector<double>& turns) const;
   void interpolate(const HandleGroup& group, const std::vector<Affine>& motions,
@@ -59,6 +64,13 @@ class FreeTurns {
   };
   std::vector<HandleGroup> groups_;
   RowMatrix harmonic_weights_;  // f×h: harmonic weights of the other handles at each free handle
+  /// What holds a free handle, of each other handle and of what is fixed: the rims that its
+  /// harmonic weights flow to, weighted by the flux.
+  struct Hold {
+    double weight = 0, squares = 0;  // squares: Σ w |p|²
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  };
+  std::vector<std::vector<Hold>> holds_;  // f×(h + 1), what is fixed comes last
 };
 
 }  // namespace dd

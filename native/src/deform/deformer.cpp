@@ -167,6 +167,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   if (motions) move_base(*motions, options.base_deformer);
   if (options.output == Output::base) {
     moved_ = base_ - bound_->rest;
+    if (motions) show_limbs(*motions, options);
     return;
   }
   const bool carried = facts(options.method).from_base;
@@ -178,6 +179,14 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
     turning = motions->turning(options.base_deformer);
   method.update({coefficients_, linear_, base_, turning, options.free, moved_}, options.of_method);
   if (carried && carried_) carried_->place(base_, moved_);
+}
+
+void Deformer::show_limbs(MotionBlend& motions, const UpdateOptions& options) {
+  if (options.method != MethodKind::detail) return;
+  Method& by = method(options.method, options.of_method.progress);
+  if (by.is_solid(options.of_method))
+    by.show_limbs({base_, linear_}, motions.turning(options.base_deformer), options.of_method,
+                  moved_);
 }
 
 std::vector<MotionBlend::Affine> Deformer::motions() const {

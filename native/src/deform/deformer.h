@@ -104,6 +104,8 @@ class Deformer {
   /// The motions of the handles' matrices, in the unit box.
   std::vector<MotionBlend::Affine> motions() const;
   void move_base(MotionBlend& motions, BaseDeformer deformer);
+  /// Adds what shows solid limbs to moved_, the displacement of the base.
+  void show_limbs(MotionBlend& motions, const UpdateOptions& options);
   /// Sets base_ from a base given from outside.
   void take_base(const Positions* deformed);
   /// Hands the handles' current motions to the blend and returns it; once per frame.

@@ -20,6 +20,10 @@ class Detail : public Method {
   Eigen::VectorXd limbs(const MethodOptions& options) override {
     return reconstruction_.limbs(options.refined);
   }
+  void show_limbs(const BasePose& pose, const Turning& turning, const MethodOptions& options,
+                  Rows& base) override {
+    reconstruction_.show_limbs(options.refined, pose, turning, base);
+  }
   double bytes() const override;
 
  private:

@@ -67,7 +67,7 @@ void Reconstruction::prepare_refinement(double length) {
   std::unique_ptr<CoarseRefinement> coarse;
   if (base_) coarse = CoarseRefinement::make(surface_, *base_, length);
   std::unique_ptr<Refinement> whole =
-      coarse ? nullptr : make_refinement(surface_, length, surface_.operators.masses);
+      coarse ? nullptr : make_refinement(surface_, base_, length, surface_.operators.masses);
   coarse_refinement_ = std::move(coarse);
   refinement_ = std::move(whole);
   refined_length_ = length;
@@ -108,7 +108,7 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
     refinement->arms().solve_for_centres(offsets,
                                          [&] { solve_by(*refinement, clamps, 1, offsets); });
   } else {
-    refinement_->find(refined.iterations, turning, offsets);
+    refinement_->find(refined.iterations, pose.base, turning, offsets);
     solve_refined(clamps, offsets);
   }
   if (mixed) mix(unrefined, weight, refinement->solidity(), offsets);
@@ -123,6 +123,16 @@ void Reconstruction::mix(const Rows& unrefined, double weight, const Eigen::Vect
   for (Index r = 0; r < solidity.size(); ++r)
     offsets.row(r) = unrefined.row(r) +
                      (weight + solidity[r] * (1 - weight)) * (offsets.row(r) - unrefined.row(r));
+}
+
+void Reconstruction::show_limbs(const Refined& refined, const BasePose& pose,
+                                const Turning& turning, Rows& base) {
+  prepare(refined, true);
+  refinement_of(refined.solidity);
+  const Rows offsets = coarse_refinement_ ? coarse_refinement_->limb_base(pose, turning)
+                                          : refinement_->limb_base(pose.base, turning);
+  if (offsets.rows() > 0)
+    base.topRows(surface_.order().free_count) += offsets.topRows(surface_.order().free_count);
 }
 
 Eigen::VectorXd Reconstruction::limbs(const Refined& refined) {

@@ -54,6 +54,10 @@ class Reconstruction {
   /// Only where no base was given, since with one the refinement may be on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
 
+  /// Adds to B', where limbs are solid, what LimbBase does. base: rows in the surface's order,
+  /// positions or displacements.
+  void show_limbs(const Refined& refined, const BasePose& pose, const Turning& turning, Rows& base);
+
   /// How far each vertex is part of a limb, 0 to 1: see CrossSections. Empty: none is. refined:
   /// with iterations and solidity.
   Eigen::VectorXd limbs(const Refined& refined);

@@ -13,6 +13,8 @@
 #include "reconstruction/cross_section_means.h"
 #include "reconstruction/fold_limits.h"
 #include "reconstruction/gradients.h"
+#include "reconstruction/limb_base.h"
+#include "reconstruction/limb_bend.h"
 #include "reconstruction/limb_twist.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
@@ -62,15 +64,17 @@ PassSettings pass_settings(int iteration, int iterations) {
 template <class Real>
 class RefinementOf : public Refinement {
  public:
-  RefinementOf(FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
+  RefinementOf(FactoredSurface& surface, const Positions* base, double length,
+               const Eigen::VectorXd& masses);
   void set_solidity(const CrossSections* sections, double solidity) override;
   const CrossSectionArms& arms() const override { return arms_; }
   const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
-  void find(int iterations, const Turning& turning, Rows& offsets) override {
+  void find(int iterations, const Rows& base, const Turning& turning, Rows& offsets) override {
     if (is_posed()) leave_pose();
-    iterate(iterations, turning, offsets);
+    iterate(iterations, &base, turning, offsets);
   }
   void find_from(const Rows& posed, int iterations, Rows& offsets) override;
+  Rows limb_base(const Rows& base, const Turning& turning) override;
   Rows rotations() const override;
   void add(int section, double* rows) const override {
     flux_pass().add(vertex_rotations_.data(), section, rows);
@@ -96,9 +100,11 @@ class RefinementOf : public Refinement {
   void make_smoothing(const Positions& arms);
   /// Turns the arms by the vertex rotations, after those of the pose.
   void turn_arms();
-  /// One solve for free rows of offsets, over-relaxed.
-  void step(double weight, double relaxation, Rows& offsets);
-  void iterate(int iterations, const Turning& turning, Rows& offsets);
+  /// One solve for free rows of offsets, over-relaxed by one factor where the surface is a skin and
+  /// another one where it is solid. weight: of the solution in a skin.
+  void step(double weight, double relaxation, double solid_relaxation, Rows& offsets);
+  /// base: null: not known.
+  void iterate(int iterations, const Rows* base, const Turning& turning, Rows& offsets);
   /// The row of an active vertex in vertex_rotations_: free ones in order, then rims.
   int rotation_row(int vertex) const;
   /// Rotations of the triangles without a free corner that have a rim vertex: only handles move
@@ -116,6 +122,7 @@ class RefinementOf : public Refinement {
   const Rows& at_rest_with(double smoothing);
 
   FactoredSurface& surface_;
+  const Positions* base_;  // B at rest, or null
   double smoothing_length_;
   Eigen::VectorXd masses_;
   std::optional<RotationSmoothing> smoothing_;
@@ -133,6 +140,8 @@ class RefinementOf : public Refinement {
   double solidity_ = -1;                                          // below 0: not set
   std::unique_ptr<CrossSectionMeans<Real>> cross_section_means_;  // null: no sections
   std::unique_ptr<LimbTwist> limb_twist_;                         // of them
+  std::unique_ptr<LimbBend> limb_bend_;                           // of them, if the base is known
+  std::unique_ptr<LimbBase> limb_base_;                           // null: not needed so far
   CrossSectionArms arms_;
   FoldLimits<Real> limits_;
   Eigen::VectorXd solidity_of_row_;
@@ -145,9 +154,10 @@ class RefinementOf : public Refinement {
 };
 
 template <class Real>
-RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
+RefinementOf<Real>::RefinementOf(FactoredSurface& surface, const Positions* base, double length,
                                  const Eigen::VectorXd& masses)
     : surface_(surface),
+      base_(base),
       smoothing_length_(length),
       masses_(masses),
       pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }),
@@ -214,7 +224,11 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   if (sections)
     cross_section_means_ = std::make_unique<CrossSectionMeans<Real>>(surface_, *sections);
   limb_twist_.reset();
+  limb_bend_.reset();
+  limb_base_.reset();
   if (sections) limb_twist_ = std::make_unique<LimbTwist>(surface_, *sections, solidity);
+  if (sections && base_)
+    limb_bend_ = std::make_unique<LimbBend>(surface_, *sections, *base_, solidity);
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
   const bool had_arms = !arms_.empty();
@@ -364,11 +378,12 @@ void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offs
   posed_pass_->take(arms_.centres(positions_));
   Turning turning;
   turning.propagate_signs = true;
-  iterate(iterations, turning, offsets);
+  iterate(iterations, nullptr, turning, offsets);
 }
 
 template <class Real>
-void RefinementOf<Real>::iterate(int iterations, const Turning& given, Rows& offsets) {
+void RefinementOf<Real>::iterate(int iterations, const Rows* base, const Turning& given,
+                                 Rows& offsets) {
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
   Turning turning = given;
@@ -378,28 +393,32 @@ void RefinementOf<Real>::iterate(int iterations, const Turning& given, Rows& off
     if (given.gauge) turning.gauge = &limb_twist_->even();
   }
   if (cross_sections_) cross_section_means_->take_gauge(turning);
+  const bool bends = even_twist && limb_bend_ && base;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    const int changed_rows = iteration == 0 ? order.fixed_begin : order.free_count;
+    const bool first = iteration == 0, last = iteration == iterations - 1;
+    const int changed_rows = first ? order.fixed_begin : order.free_count;
     poisson.pool().parallel_for(changed_rows, kLeastRange, [&](int64_t begin, int64_t end) {
       const int64_t count = end - begin;
       positions_.middleRows(begin, count) =
           surface_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);
     });
-    if (iteration == 0) find_constrained_rotations();
-    find_means(turning.propagate_signs && iteration > 0 ? &propagated_gauge_ : turning.gauge);
-    if (turning.propagate_signs && iteration == 0) propagate_signs();
+    if (first) find_constrained_rotations();
+    find_means(turning.propagate_signs && !first ? &propagated_gauge_ : turning.gauge);
+    if (turning.propagate_signs && first) propagate_signs();
     PassSettings settings = pass_settings(iteration, iterations);
     // Of stiff parts, smoothing makes one rotation.
     if (cross_sections_ || surface_.stiffness.varies()) settings.smoothing = 1;
     if (cross_sections_) {
-      if (even_twist && (iteration == iterations - 1 || (iteration == 0 && given.gauge)))
-        limb_twist_->run(vertex_rotations_);
+      if (bends && first) limb_bend_->run(*base, limb_twist_->even(), vertex_rotations_);
+      if (even_twist && (last || (first && given.gauge))) limb_twist_->run(vertex_rotations_);
       cross_section_means_->run(solidity_, vertex_rotations_);
     }
     if (settings.smoothing > 0) smoothing_->run(vertex_rotations_.data(), settings.smoothing);
     at_rest_ = &at_rest_with(settings.smoothing);
     turn_arms();
-    if (iteration < iterations - 1) step(turning.refinement_weight, settings.relaxation, offsets);
+    // Over-relaxed from what a thread's triangles say, limbs would fold.
+    const double solid_relaxation = bends && !first ? settings.relaxation : 1;
+    if (!last) step(turning.refinement_weight, settings.relaxation, solid_relaxation, offsets);
   }
 }
 
@@ -417,7 +436,8 @@ void RefinementOf<Real>::turn_arms() {
 }
 
 template <class Real>
-void RefinementOf<Real>::step(double weight, double relaxation, Rows& offsets) {
+void RefinementOf<Real>::step(double weight, double relaxation, double solid_relaxation,
+                              Rows& offsets) {
   const auto add_flux = [&](int section, double* rows) {  // limits_ for the last solve alone
     flux_pass().add(vertex_rotations_.data(), section, rows);
   };
@@ -432,10 +452,19 @@ void RefinementOf<Real>::step(double weight, double relaxation, Rows& offsets) {
     for (int64_t r = begin; r < end; ++r) {
       const double solid = solidity_of_row_[r];
       const double factor =
-          (weight + solid * (1 - weight)) * (relaxation + solid * (1 - relaxation));
+          (weight + solid * (1 - weight)) * (relaxation + solid * (solid_relaxation - relaxation));
       offsets.row(r) = before_.row(r) + factor * (offsets.row(r) - before_.row(r));
     }
   });
+}
+
+template <class Real>
+Rows RefinementOf<Real>::limb_base(const Rows& base, const Turning& turning) {
+  if (!limb_bend_ || !turning.handles) return Rows(0, 4);
+  if (!limb_base_)
+    limb_base_ = std::make_unique<LimbBase>(surface_, *cross_sections_, *base_, solidity_);
+  limb_twist_->take(*turning.handles);
+  return limb_base_->offsets(*limb_bend_, base, limb_twist_->even());
 }
 
 template <class Real>
@@ -451,7 +480,8 @@ double RefinementOf<Real>::bytes() const {
                        posed_rotations_.size() + posed_vertex_rotations_.size();
   return (smoothing_ ? smoothing_->bytes() : 0) + arms_.bytes() + limits_.bytes() +
          (cross_section_means_ ? cross_section_means_->bytes() : 0) +
-         (limb_twist_ ? limb_twist_->bytes() : 0) +
+         (limb_twist_ ? limb_twist_->bytes() : 0) + (limb_bend_ ? limb_bend_->bytes() : 0) +
+         (limb_base_ ? limb_base_->bytes() : 0) +
          static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +
@@ -467,11 +497,11 @@ double last_smoothing(int iterations) {
   return pass_settings(iterations - 1, iterations).smoothing;
 }
 
-std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
-                                            const Eigen::VectorXd& masses) {
+std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, const Positions* base,
+                                            double length, const Eigen::VectorXd& masses) {
   if (surface.poisson->precision() == Precision::single)
-    return std::make_unique<RefinementOf<float>>(surface, length, masses);
-  return std::make_unique<RefinementOf<double>>(surface, length, masses);
+    return std::make_unique<RefinementOf<float>>(surface, base, length, masses);
+  return std::make_unique<RefinementOf<double>>(surface, base, length, masses);
 }
 
 }  // namespace dd

@@ -35,18 +35,23 @@ class RefinedFlux : public FluxSource {
 /// solve.
 ///
 /// Solid limbs have sections, over which rotations are averaged before they are smoothed, over a
-/// length that rises with the length of the arm. There the iteration needs no over-relaxation.
+/// length that rises with the length of the arm. The first rotations of limbs are those of LimbBend,
+/// where the base is known.
 class Refinement : public RefinedFlux {
  public:
   /// Before the first find(). sections: must outlive this; null: there are none. solidity: 0, a
   /// hollow skin, to 1.
   virtual void set_solidity(const CrossSections* sections, double solidity) = 0;
-  /// offsets: displacements of all rows; in: the start, out: the solution of the last but one
-  /// iteration. The rotations stay until the next call.
-  virtual void find(int iterations, const Turning& turning, Rows& offsets) = 0;
+  /// base: B', rows in the surface's order; read where limbs are solid. offsets: displacements of
+  /// all rows; in: the start, out: the solution of the last but one iteration. The rotations stay
+  /// until the next call.
+  virtual void find(int iterations, const Rows& base, const Turning& turning, Rows& offsets) = 0;
   /// The same with a pose of S in place of S: rotations are those from the pose to S', and they
   /// turn the pose's gradients. posed: displacements of all rows.
   virtual void find_from(const Rows& posed, int iterations, Rows& offsets) = 0;
+  /// What LimbBase adds to B', by active vertex; without rows where no limb is solid or the handles'
+  /// turns are not known.
+  virtual Rows limb_base(const Rows& base, const Turning& turning) = 0;
   /// By active vertex: unit quaternions, but shorter where smoothing averaged different ones.
   virtual Rows rotations() const = 0;
   virtual double bytes() const = 0;
@@ -56,9 +61,9 @@ class Refinement : public RefinedFlux {
 /// depends on the number of iterations through it alone.
 double last_smoothing(int iterations);
 
-/// Computes in the precision of the Poisson system. surface must outlive the result. length,
-/// masses: see RotationSmoothing.
-std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
-                                            const Eigen::VectorXd& masses);
+/// Computes in the precision of the Poisson system. surface and base must outlive the result. base:
+/// B at rest, n×3; null: not known. length, masses: see RotationSmoothing.
+std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, const Positions* base,
+                                            double length, const Eigen::VectorXd& masses);
 
 }  // namespace dd

@@ -69,8 +69,8 @@ class CoarseRefinementOf : public CoarseRefinement {
         surface_(std::move(coarse)),
         base_(base(surface_->vertices(), kAllIndices)),
         gradients_(make_base_gradients(surface_->surface(), base_)),
-        refinement_(
-            make_refinement(surface_->surface(), length, masses_on(*surface_, surface, length))),
+        refinement_(make_refinement(surface_->surface(), &base_, length,
+                                    masses_on(*surface_, surface, length))),
         pass_(
             surface, surface.mesh.positions,
             [&](int v) { return surface.poisson->active_index(surface.order().row_of_vertex[v]); }),
@@ -116,6 +116,17 @@ class CoarseRefinementOf : public CoarseRefinement {
       here.prescribed = prescribed_.get();
     }
     find_from(iterations, {posed_, pose.linear}, here);
+  }
+
+  Rows limb_base(const BasePose& pose, const Turning& turning) override {
+    surface_->restrict(pose.base, posed_);
+    const Rows coarse = refinement_->limb_base(posed_, turning);
+    Rows fine = Rows::Zero(coarse.rows() > 0 ? fine_.poisson->active_vertex_count() : 0, 4);
+    for (Index i = 0; i < fine.rows(); ++i)
+      for (int k = 0; k < 3; ++k)
+        fine.row(i) +=
+            stencils_[size_t(i)].weight[k] * coarse.row(stencils_[size_t(i)].active_index[k]);
+    return fine;
   }
 
   void set_solidity(double solidity) override {
@@ -176,7 +187,7 @@ class CoarseRefinementOf : public CoarseRefinement {
       start(*gradients_);
     };
     turning.solve(by_base, [&](const FluxSource& source) { start(source); }, offsets_);
-    refinement_->find(iterations, turning, offsets_);
+    refinement_->find(iterations, pose.base, turning, offsets_);
     const Rows found = refinement_->rotations();
     given_.assign(found.data(), found.data() + found.size());
     spread_.run(given_, rotations_, fine_.poisson->pool());

@@ -24,6 +24,8 @@ class CoarseRefinement : public RefinedFlux {
   /// As Refinement::find(), but of offsets only the handles' rows are read.
   virtual void find(int iterations, const BasePose& pose, const Turning& turning,
                     const Rows& offsets) = 0;
+  /// As Refinement::limb_base(), by active vertex of the surface itself.
+  virtual Rows limb_base(const BasePose& pose, const Turning& turning) = 0;
   /// As Refinement::set_solidity(); the sections are those of coarse vertices on the surface.
   virtual void set_solidity(double solidity) = 0;
   virtual int vertex_count() const = 0;

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "reconstruction/limb_base.h"
+
+#include <algorithm>
+
+#include "reconstruction/rotation_smoothing.h"
+
+namespace dd {
+
+namespace {
+
+// Smoothing length as a fraction of a limb's radius. Of waves around a circle the first, which is
+// the circle, keeps 97% with it, the second three quarters and the ninth 2%.
+constexpr double kLengthOfRadius = 0.35;
+// Least radius, as a fraction of the largest one. Safety: bounds how far the system's entries
+// differ.
+constexpr double kLeastShownRadius = 1e-3;
+
+/// 3 S² − 2 S³ of values by active index, S = (M + tL)⁻¹ M, t the squared length. With x the squared
+/// ratio of length and wave, S = 1 / (1 + x), long waves lose 3 x² only. relative: the length at
+/// each active vertex, as a fraction.
+Rows smoothed(const FactoredSurface& surface, double length, const Eigen::VectorXd& relative,
+              Rows values) {
+  Eigen::VectorXd masses = surface.operators.masses;
+  for (Index i = 0; i < relative.size(); ++i)
+    masses[surface.poisson->active_vertex(static_cast<int>(i))] /= relative[i] * relative[i];
+  RotationSmoothing smoothing(surface, length, masses);
+  smoothing.run(values.data());
+  smoothing.run(values.data());
+  const Rows twice = values;
+  smoothing.run(values.data());
+  return 3 * twice - 2 * values;
+}
+
+}  // namespace
+
+LimbBase::LimbBase(const FactoredSurface& surface, const CrossSections& sections,
+                   const Positions& base, double solidity)
+    : surface_(surface), offsets_(Positions::Zero(surface.order().free_count, 3)) {
+  if (sections.empty()) return;
+  const Index count = sections.shares.size();
+  Rows values = Rows::Zero(count, 4);
+  values.col(0) = sections.arms.rowwise().norm();
+  values.col(1) = sections.shares;
+  // Between bumps, single vertices may have no section. An arm is the radius in the proportion of
+  // the share.
+  const double mean = values.col(0).sum() / values.col(1).sum();
+  values = smoothed(surface, kLengthOfRadius * mean, Eigen::VectorXd::Ones(count), values);
+  const Eigen::VectorXd shares = values.col(1).cwiseMax(0).cwiseMin(1);
+  Eigen::VectorXd radii = Eigen::VectorXd::Zero(count);
+  for (Index i = 0; i < count; ++i)
+    if (shares[i] > 0) radii[i] = std::max(0.0, values(i, 0)) / shares[i];
+  const double largest = radii.maxCoeff();
+  for (Index i = 0; i < count; ++i)
+    values.row(i).head<3>() =
+        surface.mesh.positions.row(surface.poisson->active_vertex(static_cast<int>(i)));
+  const Rows shown = smoothed(surface, kLengthOfRadius * largest,
+                              (radii / largest).cwiseMax(kLeastShownRadius), values);
+  for (Index i = 0; i < offsets_.rows(); ++i)
+    offsets_.row(i) =
+        solidity * shares[i] *
+        (shown.row(i).head<3>() - base.row(surface.poisson->active_vertex(static_cast<int>(i))));
+}
+
+Rows LimbBase::offsets(const LimbBend& bend, const Rows& base, const Rows& even) const {
+  Rows turned = Rows::Zero(surface_.poisson->active_vertex_count(), 4);
+  surface_.poisson->pool().parallel_for(
+      offsets_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+        for (int64_t i = begin; i < end; ++i)
+          turned.row(i).head<3>() =
+              (bend.rotation(base, even, i) * offsets_.row(i).transpose()).transpose();
+      });
+  return turned;
+}
+
+}  // namespace dd
