@@ -85,6 +85,49 @@ def test_a_solid_limb_keeps_its_sections_and_a_hollow_one_does_not(tentacle, pos
     assert np.array_equal(evaluated(tentacle), before)
 
 
+@pytest.mark.parametrize('pose', [lambda ob: None, lead_down, lambda ob: twist(ob, 720)])
+def test_smooth_preview_shows_a_limb_and_a_hollow_one_as_a_thread(tentacle, pose):
+    rest, settings = sections(own(tentacle)), tentacle.detail_deform
+    settings.output = 'BASE'
+    pose(tentacle)
+    assert settings.is_bound and least(tentacle, rest) > 0.6
+    settings.solidity = 0
+    update()
+    assert least(tentacle, rest) < 0.05
+
+
+def test_a_base_object_is_what_smooth_preview_shows_at_rest(tentacle):
+    rest, settings = sections(own(tentacle)), tentacle.detail_deform
+    settings.output = 'BASE'
+    update()
+    shown = evaluated(tentacle)
+    settings.output = 'RESULT'
+    assert bpy.ops.object.detail_deform_base_make() == {'FINISHED'}
+    base = settings.base_object
+    assert np.abs(own(base) - shown).max() < 1e-5
+    assert (sections(own(base)) / rest).min() > 0.8
+    bind(activate(tentacle))  # to it; bent by a modifier, the limb follows with its sections
+    modifier = base.modifiers.new("Bend", 'SIMPLE_DEFORM')
+    modifier.deform_method, modifier.deform_axis, modifier.angle = 'BEND', 'X', math.radians(60)
+    update()
+    assert least(tentacle, rest) > 0.8
+
+
+@pytest.mark.parametrize('place, down', [((0, 0.2), 0.05), ((0, 0.5), 0.3), ((0.7, 0), 0.7)])
+def test_a_tip_that_turns_freely_stays_in_the_plane_of_its_pull(tentacle, place, down):
+    tentacle.detail_deform.handles[0].turns = 'FREE'
+    tentacle.detail_deform.handles[0].target.location = (*(LENGTH * p for p in place), (1 - down) * LENGTH)
+    update()
+    rings = evaluated(tentacle)[:RINGS * SIDES].reshape(RINGS, SIDES, 3).mean(axis=1)
+    across = 1 if place[0] else 0
+    assert np.abs(rings[:, across]).max() < 3e-6 * LENGTH  # a few roundings of single precision
+    # It bends along its whole length: every sixth of its free part turns.
+    along = np.diff(rings[6:54], axis=0)
+    directions = along[::8] / np.linalg.norm(along[::8], axis=1, keepdims=True)
+    turned = np.degrees(np.arccos((directions[1:] * directions[:-1]).sum(axis=1)))
+    assert (turned > 1).all() and turned.sum() > 20
+
+
 @pytest.mark.parametrize('degrees', [90, 720])
 def test_a_tapered_limb_is_twisted_evenly_along_its_length(tentacle, degrees):
     twist(tentacle, degrees)

@@ -46,8 +46,8 @@ struct Posed {
     const auto gradients = make_base_gradients(bound, bound.base);
     gradients->take({base, linear}, true);
     Rows moved = solved(*gradients, offsets);
-    const auto refinement =
-        make_refinement(bound, &bound.base, kLength * bound.active_size, bound.operators.masses);
+    const auto refinement = make_refinement(bound, &bound.base, kLength * bound.active_size,
+                                            bound.operators.masses, false);
     refinement->set_solidity(nullptr, 0);
     refinement->find(iterations, base, {}, moved);
     return solved(*refinement, moved);

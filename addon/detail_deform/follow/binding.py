@@ -9,7 +9,7 @@ from ..scene import (carried, deform_modifier, dependency, displayed, group_colu
                      proportions, renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
-from . import binding_content, handle_follower, hints, lifecycle, registry, roles
+from . import binding_content, handle_follower, hints, lifecycle, registry, roles, update_options
 
 
 def bind(ob, depsgraph, wait, keep_rest):
@@ -196,7 +196,8 @@ def unbind(ob, keep_rest=False):
 
 
 def make_base_object(ob):
-    """Makes an object of the computed base surface, which is the base from the next Bind on. Raises MeshProblem."""
+    """Makes an object of the computed base surface, as Smooth Preview shows it at rest, which is the base from the next
+    Bind on. Raises MeshProblem."""
     settings = ob.detail_deform
     entry = handle_follower.cache.find(settings.signature)
     if entry is None or settings.stale or settings.base == 'OBJECT':
@@ -205,6 +206,7 @@ def make_base_object(ob):
         raise MeshProblem("A handle was added to the deformed surface, and a base is made of the mesh without "
                           "deformation: put all handles back to rest first (All Back to Rest).")
     rest = native.at_rest(entry.made.info.handle_count)
-    offsets = proportions.bound(settings).back(entry.made.offsets(rest, output='BASE').reshape(-1, 3))
+    arguments = {**update_options.arguments(settings), 'method': 'DETAIL', 'output': 'BASE'}
+    offsets = proportions.bound(settings).back(entry.made.offsets(rest, **arguments).reshape(-1, 3))
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'

@@ -50,10 +50,15 @@ class SamplesOfVertices {
     return -std::sqrt(nearest_rim(vertex, [](int) { return true; }).squared_distance);
   }
   int nearest_corner(const PointOnTriangle& point) const {
-    Index corner = 0;
-    point.barycentric.maxCoeff(&corner);
+    Index nearest = 0;
+    point.barycentric.maxCoeff(&nearest);
+    return corner(point, nearest);
+  }
+  int corner(const PointOnTriangle& point, Index corner) const {
     return rays_.mesh().triangles(point.triangle, corner);
   }
+  /// Whether each active vertex of the surface is a sample.
+  bool are_vertices() const { return &samples_.own == &samples_.surface; }
 
  private:
   /// The nearest rim of a vertex' component for which accept(rim's vertex) is true; its triangle is
@@ -102,12 +107,22 @@ CrossSections::Terms mean_over(const SectionSample& section, int own, double eve
                                const SamplesOfVertices& samples) {
   CrossSections::Terms terms;
   double rest = 1;
-  for (size_t k = 0; k < kSectionRays; ++k) {
-    if (section.points[k].triangle < 0) continue;
-    const int sample = samples.of(samples.nearest_corner(section.points[k]));
-    if (sample < 0) continue;
-    terms.emplace_back(sample, 0.5 * even * section.weights[k]);
+  const auto add = [&](int vertex, double weight) {
+    const int sample = samples.of(vertex);
+    if (sample < 0 || weight == 0) return;
+    terms.emplace_back(sample, 0.5 * even * weight);
     rest -= terms.back().second;
+  };
+  for (size_t k = 0; k < kSectionRays; ++k) {
+    const PointOnTriangle& point = section.points[k];
+    if (point.triangle < 0) continue;
+    if (!samples.are_vertices()) {
+      add(samples.nearest_corner(point), section.weights[k]);
+      continue;
+    }
+    // Interpolated, or the mean would depend on how quads are cut into triangles.
+    for (int c = 0; c < 3; ++c)
+      add(samples.corner(point, c), section.weights[k] * point.barycentric[c]);
   }
   terms.emplace_back(own, rest);
   merge(terms);

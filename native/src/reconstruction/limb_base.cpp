@@ -36,7 +36,10 @@ Rows smoothed(const FactoredSurface& surface, double length, const Eigen::Vector
 
 LimbBase::LimbBase(const FactoredSurface& surface, const CrossSections& sections,
                    const Positions& base, double solidity)
-    : surface_(surface), offsets_(Positions::Zero(surface.order().free_count, 3)) {
+    : surface_(surface),
+      sections_(sections),
+      arms_(Positions::Zero(surface.order().free_count, 3)),
+      shares_(Eigen::VectorXd::Zero(surface.order().free_count)) {
   if (sections.empty()) return;
   const Index count = sections.shares.size();
   Rows values = Rows::Zero(count, 4);
@@ -56,21 +59,40 @@ LimbBase::LimbBase(const FactoredSurface& surface, const CrossSections& sections
         surface.mesh.positions.row(surface.poisson->active_vertex(static_cast<int>(i)));
   const Rows shown = smoothed(surface, kLengthOfRadius * largest,
                               (radii / largest).cwiseMax(kLeastShownRadius), values);
-  for (Index i = 0; i < offsets_.rows(); ++i)
-    offsets_.row(i) =
-        solidity * shares[i] *
-        (shown.row(i).head<3>() - base.row(surface.poisson->active_vertex(static_cast<int>(i))));
+  const Rows centres = this->centres(in_order(base, surface.order()));
+  for (Index i = 0; i < arms_.rows(); ++i) arms_.row(i) = (shown.row(i) - centres.row(i)).head<3>();
+  shares_ = solidity * shares.head(arms_.rows());
+}
+
+Rows LimbBase::centres(const Rows& base) const {
+  Rows now = Rows::Zero(sections_.shares.size(), 4);
+  for (Index i = 0; i < now.rows(); ++i)
+    now.row(i) = base.row(surface_.poisson->active_row(static_cast<int>(i)));
+  for (int round = 0; round < kCrossSectionRounds; ++round) {
+    const Rows before = now;
+    for (Index i = 0; i < arms_.rows(); ++i) {  // rims stay
+      now.row(i).setZero();
+      for (const auto& [index, weight] : sections_.means[size_t(i)])
+        now.row(i) += weight * before.row(index);
+    }
+  }
+  return now;
 }
 
 Rows LimbBase::offsets(const LimbBend& bend, const Rows& base, const Rows& even) const {
-  Rows turned = Rows::Zero(surface_.poisson->active_vertex_count(), 4);
-  surface_.poisson->pool().parallel_for(
-      offsets_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-        for (int64_t i = begin; i < end; ++i)
-          turned.row(i).head<3>() =
-              (bend.rotation(base, even, i) * offsets_.row(i).transpose()).transpose();
-      });
-  return turned;
+  Rows added = centres(base);
+  surface_.poisson->pool().parallel_for(added.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      if (i >= arms_.rows() || shares_[i] == 0) {
+        added.row(i).setZero();
+        continue;
+      }
+      added.row(i).head<3>() +=
+          (bend.rotation(base, even, i) * arms_.row(i).transpose()).transpose();
+      added.row(i) = shares_[i] * (added.row(i) - base.row(i));
+    }
+  });
+  return added;
 }
 
 }  // namespace dd

@@ -7,26 +7,35 @@
 
 namespace dd {
 
-/// Beyond the paper: a base of solid limbs that shows them. B is a thread there; what is shown is
+/// Beyond the paper: a base of solid limbs that shows them. B is a thread there, and near rims a tube
+/// that twists otherwise. With c the means of B over cross-sections and Ŝ the surface smoothed over a
+/// part of a limb's radius, which loses its relief and keeps its thickness,
 ///
-///   B + a at rest,   B' + R_B a in a pose,
+///   B + s (Ŝ − B) at rest,   B' + s (c' + R_B (Ŝ − c) − B') in a pose
 ///
-/// a = s (Ŝ − B), with s how solid the surface is, Ŝ the surface smoothed over a part of a limb's
-/// radius, which loses its relief and keeps its thickness, and R_B the rotation by LimbBend.
+/// is shown, s how solid the surface is and R_B the rotation by LimbBend.
 class LimbBase {
  public:
-  /// surface: must outlive this. base: B at rest, n×3. solidity: above 0, to 1.
+  /// surface, sections: must outlive this. base: B at rest, n×3. solidity: above 0, to 1.
   LimbBase(const FactoredSurface& surface, const CrossSections& sections, const Positions& base,
            double solidity);
 
-  /// R_B a of the active vertices; of rims 0. base: B', even: R_0, rows in the surface's order.
+  /// What is added to B', of the active vertices; of rims 0. base: B', even: R_0, rows in the
+  /// surface's order.
   Rows offsets(const LimbBend& bend, const Rows& base, const Rows& even) const;
 
-  double bytes() const { return static_cast<double>(offsets_.size() * Index(sizeof(double))); }
+  double bytes() const {
+    return static_cast<double>((arms_.size() + shares_.size()) * Index(sizeof(double)));
+  }
 
  private:
+  /// c of all active vertices.
+  Rows centres(const Rows& base) const;
+
   const FactoredSurface& surface_;
-  Positions offsets_;  // a, of free rows
+  const CrossSections& sections_;
+  Positions arms_;          // Ŝ − c, of free rows
+  Eigen::VectorXd shares_;  // s, of free rows
 };
 
 }  // namespace dd

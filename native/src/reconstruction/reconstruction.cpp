@@ -67,7 +67,7 @@ void Reconstruction::prepare_refinement(double length) {
   std::unique_ptr<CoarseRefinement> coarse;
   if (base_) coarse = CoarseRefinement::make(surface_, *base_, length);
   std::unique_ptr<Refinement> whole =
-      coarse ? nullptr : make_refinement(surface_, base_, length, surface_.operators.masses);
+      coarse ? nullptr : make_refinement(surface_, base_, length, surface_.operators.masses, true);
   coarse_refinement_ = std::move(coarse);
   refinement_ = std::move(whole);
   refined_length_ = length;

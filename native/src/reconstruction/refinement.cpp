@@ -4,11 +4,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "mesh/topology.h"
+#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "reconstruction/cross_section_means.h"
 #include "reconstruction/fold_limits.h"
@@ -16,6 +18,7 @@
 #include "reconstruction/limb_base.h"
 #include "reconstruction/limb_bend.h"
 #include "reconstruction/limb_twist.h"
+#include "reconstruction/other_diagonals.h"
 #include "reconstruction/rotated_flux_pass.h"
 #include "reconstruction/rotation_means.h"
 
@@ -65,7 +68,7 @@ template <class Real>
 class RefinementOf : public Refinement {
  public:
   RefinementOf(FactoredSurface& surface, const Positions* base, double length,
-               const Eigen::VectorXd& masses);
+               const Eigen::VectorXd& masses, bool both_diagonals);
   void set_solidity(const CrossSections* sections, double solidity) override;
   const CrossSectionArms& arms() const override { return arms_; }
   const Eigen::VectorXd& solidity() const override { return solidity_of_row_; }
@@ -86,7 +89,11 @@ class RefinementOf : public Refinement {
  private:
   using Quaternions = std::vector<Real>;  // rows of 4
 
-  void make_averages(const std::vector<int>& local_triangle, int first_constrained);
+  /// The triangles without a free corner that have a rim vertex.
+  std::vector<int> constrained_triangles() const;
+  /// The means of the vertices and what they are of, by both diagonals of quads or by the given
+  /// one.
+  void make_averages(bool both_diagonals);
   bool is_posed() const { return !posed_rotations_.empty(); }
   const RotatedFluxPass<Real>& flux_pass() const { return is_posed() ? *posed_pass_ : pass_; }
   void leave_pose() {
@@ -123,12 +130,14 @@ class RefinementOf : public Refinement {
 
   FactoredSurface& surface_;
   const Positions* base_;  // B at rest, or null
+  const bool both_diagonals_;
   double smoothing_length_;
   Eigen::VectorXd masses_;
   std::optional<RotationSmoothing> smoothing_;
   // By local number: the active triangles, padded to whole blocks, then those without a free corner
   // at rims.
   std::vector<RotationBlock<Real>> moving_, constrained_;
+  std::vector<RotationBlock<Real>> others_;  // then those of OtherDiagonals, for solid limbs
   RotatedFluxPass<Real> pass_;
   RotationMeans<Real> averages_;  // of each active vertex
   Quaternions triangle_rotations_, vertex_rotations_;
@@ -155,44 +164,37 @@ class RefinementOf : public Refinement {
 
 template <class Real>
 RefinementOf<Real>::RefinementOf(FactoredSurface& surface, const Positions* base, double length,
-                                 const Eigen::VectorXd& masses)
+                                 const Eigen::VectorXd& masses, bool both_diagonals)
     : surface_(surface),
       base_(base),
+      both_diagonals_(both_diagonals),
       smoothing_length_(length),
       masses_(masses),
       pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }),
       arms_(surface),
       limits_(surface) {
   const Triangles& t = surface.operators.triangles;
-  const RowOrder& order = surface.order();
-  const std::vector<int>& active = surface.poisson->active().triangles;
-  const int m = surface.mesh.triangle_count();
-
-  std::vector<char> is_rim(surface.region.role.size(), 0);
-  for (int row : surface.poisson->rims()) is_rim[order.vertex_of_row[row]] = 1;
   const StandIns stand_ins_of =
       stand_ins(surface.mesh.positions, t, bounding_box_diagonal(surface.mesh.positions));
-  moving_ = rotation_blocks<Real>(surface.mesh.positions, t, active, stand_ins_of, order);
-  const int first_constrained = kLanes * static_cast<int>(moving_.size());
-  std::vector<int> local_triangle(static_cast<size_t>(m), -1), constrained;
-  for (size_t i = 0; i < active.size(); ++i) local_triangle[active[i]] = static_cast<int>(i);
-  for (int j = 0; j < m; ++j) {
-    if (local_triangle[j] >= 0) continue;
-    for (int k = 0; k < 3; ++k) {
-      if (!is_rim[t(j, k)]) continue;
-      local_triangle[j] = first_constrained + static_cast<int>(constrained.size());
-      constrained.push_back(j);
-      break;
-    }
-  }
-  if (!constrained.empty())
-    constrained_ =
-        rotation_blocks<Real>(surface.mesh.positions, t, constrained, stand_ins_of, order);
+  moving_ = rotation_blocks<Real>(surface.mesh.positions, t, surface.poisson->active().triangles,
+                                  stand_ins_of, surface.order());
+  if (const std::vector<int> constrained = constrained_triangles(); !constrained.empty())
+    constrained_ = rotation_blocks<Real>(surface.mesh.positions, t, constrained, stand_ins_of,
+                                         surface.order());
+  make_averages(false);
+}
 
-  make_averages(local_triangle, first_constrained);
-  triangle_rotations_.assign(
-      4 * (static_cast<size_t>(first_constrained) + kLanes * constrained_.size()), 0);
-  vertex_rotations_.assign(4 * averages_.size(), 0);
+template <class Real>
+std::vector<int> RefinementOf<Real>::constrained_triangles() const {
+  const Triangles& t = surface_.operators.triangles;
+  std::vector<char> is_rim(surface_.region.role.size(), 0), is_active(size_t(t.rows()), 0);
+  for (int row : surface_.poisson->rims()) is_rim[surface_.order().vertex_of_row[row]] = 1;
+  for (int j : surface_.poisson->active().triangles) is_active[j] = 1;
+  std::vector<int> found;
+  for (int j = 0; j < t.rows(); ++j)
+    if (!is_active[j] && (is_rim[t(j, 0)] || is_rim[t(j, 1)] || is_rim[t(j, 2)]))
+      found.push_back(j);
+  return found;
 }
 
 template <class Real>
@@ -232,6 +234,7 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
   const bool had_arms = !arms_.empty();
+  if (both_diagonals_ && had_arms != (arms.rows() > 0)) make_averages(arms.rows() > 0);
   arms_.set(arms);
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
@@ -248,25 +251,65 @@ int RefinementOf<Real>::rotation_row(int vertex) const {
 }
 
 template <class Real>
-void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle,
-                                       int first_constrained) {
-  const VertexTriangles fans(surface_.operators.triangles, surface_.mesh.vertex_count());
+void RefinementOf<Real>::make_averages(bool both_diagonals) {
   const PoissonSystem& poisson = *surface_.poisson;
+  const Triangles& t = surface_.operators.triangles;
+  const Positions& p = surface_.mesh.positions;
+  const std::vector<int>& active = poisson.active().triangles;
+  const int first_constrained = kLanes * static_cast<int>(moving_.size()),
+            first_other = first_constrained + kLanes * static_cast<int>(constrained_.size());
+  std::vector<int> local_triangle(size_t(t.rows()), -1);
+  for (size_t i = 0; i < active.size(); ++i) local_triangle[active[i]] = static_cast<int>(i);
+  const std::vector<int> constrained = constrained_triangles();
+  for (size_t i = 0; i < constrained.size(); ++i)
+    local_triangle[constrained[i]] = first_constrained + static_cast<int>(i);
+
+  OtherDiagonals others{Triangles(0, 3), std::vector<int>(size_t(t.rows()), -1)};
+  if (both_diagonals) others = other_diagonals(p, surface_.operators, active);
+  std::vector<int> all(size_t(others.triangles.rows()));
+  std::iota(all.begin(), all.end(), 0);
+  const Eigen::VectorXd areas_of_others = triangle_areas(p, others.triangles);
+  others_.clear();
+  if (!all.empty())
+    others_ = rotation_blocks<Real>(p, others.triangles, all,
+                                    stand_ins(p, others.triangles, bounding_box_diagonal(p)),
+                                    surface_.order());
+
+  averages_ = {};
+  const VertexTriangles fans(t, surface_.mesh.vertex_count());
   typename RotationMeans<Real>::Terms terms;
   for (int i = 0; i < poisson.active_vertex_count(); ++i) {
-    const VertexTriangles::Range fan = fans.of(poisson.active_vertex(i));
+    const int vertex = poisson.active_vertex(i);
+    const VertexTriangles::Range fan = fans.of(vertex);
     const auto is_constrained = [&](int j) { return local_triangle[j] >= first_constrained; };
     const bool only_constrained = std::any_of(fan.begin(), fan.end(), is_constrained);
-    double sum = 0;
-    for (int j : fan)
-      if (is_constrained(j) == only_constrained) sum += surface_.operators.metric.areas[j];
     terms.clear();
-    for (int j : fan)
-      if (is_constrained(j) == only_constrained)
-        terms.emplace_back(local_triangle[j], surface_.operators.metric.areas[j] / sum);
+    double sum = 0;
+    const auto add = [&](int local, double weight) {
+      terms.emplace_back(local, weight);
+      sum += weight;
+    };
+    for (int j : fan) {
+      if (is_constrained(j) != only_constrained) continue;
+      const double area = surface_.operators.metric.areas[j];
+      const int quad = others.quad_of[size_t(j)];
+      add(local_triangle[j], quad < 0 ? area : 0.5 * area);
+      if (quad < 0) continue;
+      // A vertex is in one triangle of its quad and both of the other diagonal, or the reverse.
+      const auto has_vertex = [&](int other) {
+        return (others.triangles.row(other).array() == vertex).any();
+      };
+      const bool in_both = has_vertex(2 * quad) && has_vertex(2 * quad + 1);
+      for (int other : {2 * quad, 2 * quad + 1})
+        if (has_vertex(other))
+          add(first_other + other, (in_both ? 0.5 : 0.25) * areas_of_others[other]);
+    }
+    for (auto& [local, weight] : terms) weight /= sum;
     averages_.append(terms);
   }
   averages_.close();
+  triangle_rotations_.assign(4 * (size_t(first_other) + kLanes * others_.size()), 0);
+  vertex_rotations_.assign(4 * averages_.size(), 0);
 }
 
 template <class Real>
@@ -278,12 +321,15 @@ void RefinementOf<Real>::find_constrained_rotations() {
 
 template <class Real>
 void RefinementOf<Real>::find_moving_rotations() {
-  surface_.poisson->pool().parallel_for(
-      static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
-        kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
-                                           positions_.data(),
-                                           triangle_rotations_.data() + 4 * kLanes * begin);
-      });
+  const auto find = [&](const std::vector<RotationBlock<Real>>& blocks, Real* rotations) {
+    surface_.poisson->pool().parallel_for(
+        static_cast<int64_t>(blocks.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+          kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), blocks.data() + begin,
+                                             positions_.data(), rotations + 4 * kLanes * begin);
+        });
+  };
+  find(moving_, triangle_rotations_.data());
+  find(others_, triangle_rotations_.data() + 4 * kLanes * (moving_.size() + constrained_.size()));
 }
 
 template <class Real>
@@ -482,7 +528,8 @@ double RefinementOf<Real>::bytes() const {
          (cross_section_means_ ? cross_section_means_->bytes() : 0) +
          (limb_twist_ ? limb_twist_->bytes() : 0) + (limb_bend_ ? limb_bend_->bytes() : 0) +
          (limb_base_ ? limb_base_->bytes() : 0) +
-         static_cast<double>((moving_.size() + constrained_.size()) * sizeof(RotationBlock<Real>) +
+         static_cast<double>((moving_.size() + constrained_.size() + others_.size()) *
+                                 sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + tree_edges_.size() * sizeof(tree_edges_[0])) +
          averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +
          static_cast<double>((positions_.size() + before_.size() + rest_unsmoothed_.size() +
@@ -498,10 +545,11 @@ double last_smoothing(int iterations) {
 }
 
 std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, const Positions* base,
-                                            double length, const Eigen::VectorXd& masses) {
+                                            double length, const Eigen::VectorXd& masses,
+                                            bool both_diagonals) {
   if (surface.poisson->precision() == Precision::single)
-    return std::make_unique<RefinementOf<float>>(surface, base, length, masses);
-  return std::make_unique<RefinementOf<double>>(surface, base, length, masses);
+    return std::make_unique<RefinementOf<float>>(surface, base, length, masses, both_diagonals);
+  return std::make_unique<RefinementOf<double>>(surface, base, length, masses, both_diagonals);
 }
 
 }  // namespace dd

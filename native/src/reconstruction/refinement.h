@@ -62,8 +62,10 @@ class Refinement : public RefinedFlux {
 double last_smoothing(int iterations);
 
 /// Computes in the precision of the Poisson system. surface and base must outlive the result. base:
-/// B at rest, n×3; null: not known. length, masses: see RotationSmoothing.
+/// B at rest, n×3; null: not known. length, masses: see RotationSmoothing. both_diagonals: whether
+/// solid limbs take means over OtherDiagonals, too, which takes a tenth longer.
 std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, const Positions* base,
-                                            double length, const Eigen::VectorXd& masses);
+                                            double length, const Eigen::VectorXd& masses,
+                                            bool both_diagonals);
 
 }  // namespace dd

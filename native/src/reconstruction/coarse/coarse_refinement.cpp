@@ -70,7 +70,7 @@ class CoarseRefinementOf : public CoarseRefinement {
         base_(base(surface_->vertices(), kAllIndices)),
         gradients_(make_base_gradients(surface_->surface(), base_)),
         refinement_(make_refinement(surface_->surface(), &base_, length,
-                                    masses_on(*surface_, surface, length))),
+                                    masses_on(*surface_, surface, length), false)),
         pass_(
             surface, surface.mesh.positions,
             [&](int v) { return surface.poisson->active_index(surface.order().row_of_vertex[v]); }),
