@@ -112,15 +112,3 @@ TEST_CASE("a limb's rotations by its base: I at rest, and a rigid motion's") {
     }
   }
 }
-
-TEST_CASE("a refined limb is as far as ten times the iterations would take it") {
-  for (const Case& one : {bent_cylinder(), twisted_bar()}) {
-    Deformer deformer(one.mesh, one.roles, 1, {});
-    UpdateOptions options = solid();
-    const Positions few = surface(deformer, {one.motion}, options);
-    options.of_method.refined.iterations = 40;
-    const Positions many = surface(deformer, {one.motion}, options);
-    INFO(one.name);
-    CHECK((few - many).rowwise().norm().maxCoeff() < 0.015 * box(one.mesh));
-  }
-}

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Solid limbs: cross-sections that keep their shape, and what must not change.
+#include <algorithm>
 #include <array>
 #include <functional>
+#include <numeric>
 
 #include "catch.h"
 #include "deform.h"
 #include "mesh/measures.h"
 #include "mesh/triangles.h"
+#include "mesh/unit_box.h"
 #include "reconstruction/cross_sections.h"
 #include "reconstruction/free_lengths.h"
 #include "reconstruction/limb_axes.h"
@@ -254,14 +257,48 @@ TEST_CASE("a limb led within a plane by a handle that only places stays in it an
             farthest = std::max(
                 farthest,
                 std::abs(p.middleRows(Index(ring) * limb.sides, limb.sides).col(0).mean()));
-          // The coarse level of density 3 is not symmetric, nor are the planes of a flat limb's
-          // quads.
-          const bool coarse = density == 3;
-          const double quads = shape[2] < 1 ? 5e-5 : 2e-6;
-          CHECK(farthest < (symmetric && !coarse ? 1e-9
-                            : coarse             ? 5e-4
-                                                 : quads) *
-                               TaperedLimb::kLength);
+          // A ribbon's coarse level is not symmetric, nor are the planes of a flat limb's quads.
+          const bool coarse = density == 3 && shape[0] < 0.1;
+          const double most = coarse ? 5e-4 : symmetric ? 1e-9 : shape[2] == 1.0 ? 2e-6 : 5e-5;
+          CHECK(farthest < most * TaperedLimb::kLength);
         }
       }
+}
+
+TEST_CASE("a refined limb is as far as ten times the iterations would take it") {
+  for (const Case& one : {bent_cylinder(), twisted_bar()}) {
+    Deformer deformer(one.mesh, one.roles, 1, {});
+    UpdateOptions options = solid();
+    const Positions few = surface(deformer, {one.motion}, options);
+    options.of_method.refined.iterations = 40;
+    const Positions many = surface(deformer, {one.motion}, options);
+    INFO(one.name);
+    CHECK((few - many).rowwise().norm().maxCoeff() <
+          0.015 * bounding_box_diagonal(one.mesh.positions));
+  }
+}
+
+TEST_CASE("a solid bar whose ends are turned against each other is twisted without jumps") {
+  Case bar = twisted_bar();
+  const Eigen::VectorXd z = bar.mesh.positions.col(2);
+  for (Index v = 0; v < z.size(); ++v) {
+    const double along = (z[v] - z.minCoeff()) / (z.maxCoeff() - z.minCoeff());
+    bar.roles[size_t(v)] = along > 0.9 ? 0 : along < 0.1 ? 1 : kFree;
+  }
+  Deformer deformer(bar.mesh, bar.roles, 2, {});
+  std::vector<double> steps;
+  Positions last;
+  for (int i = 0; i <= 60; ++i) {  // the gauge begins at 30°
+    const double angle = radians(1.5 * i);
+    UpdateOptions options = solid();
+    options.turns = {0, 0, angle, 0, 0, -angle};
+    const auto turned = [](double by) {
+      return rotation_about(by, {0, 0, 1}, {0, 0, 0}, {0, 0, 0});
+    };
+    const Positions now = surface(deformer, {turned(angle), turned(-angle)}, options);
+    if (i > 0) steps.push_back((now - last).rowwise().norm().maxCoeff());
+    last = now;
+  }
+  const double largest = *std::max_element(steps.begin(), steps.end());
+  CHECK(largest < 1.3 * std::accumulate(steps.begin(), steps.end(), 0.0) / double(steps.size()));
 }

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "reconstruction/rotation_smoothing.h"
-
 namespace dd {
 
 namespace {
@@ -16,15 +14,24 @@ constexpr double kLengthOfRadius = 0.35;
 // differ.
 constexpr double kLeastShownRadius = 1e-3;
 
+// Least weight of a vertex' own centre, beside the share of its section. Safety: the system is
+// regular where no vertex has a section.
+constexpr double kLeastShare = 1e-3;
+
+/// Masses with which RotationSmoothing takes a length times factors at the active vertices.
+Eigen::VectorXd masses_for(const FactoredSurface& surface, const Eigen::VectorXd& factors) {
+  Eigen::VectorXd masses = surface.operators.masses;
+  for (Index i = 0; i < factors.size(); ++i)
+    masses[surface.poisson->active_vertex(static_cast<int>(i))] /= factors[i] * factors[i];
+  return masses;
+}
+
 /// 3 S² − 2 S³ of values by active index, S = (M + tL)⁻¹ M, t the squared length. With x the squared
 /// ratio of length and wave, S = 1 / (1 + x), long waves lose 3 x² only. relative: the length at
 /// each active vertex, as a fraction.
 Rows smoothed(const FactoredSurface& surface, double length, const Eigen::VectorXd& relative,
               Rows values) {
-  Eigen::VectorXd masses = surface.operators.masses;
-  for (Index i = 0; i < relative.size(); ++i)
-    masses[surface.poisson->active_vertex(static_cast<int>(i))] /= relative[i] * relative[i];
-  RotationSmoothing smoothing(surface, length, masses);
+  RotationSmoothing smoothing(surface, length, masses_for(surface, relative));
   smoothing.run(values.data());
   smoothing.run(values.data());
   const Rows twice = values;
@@ -57,8 +64,12 @@ LimbBase::LimbBase(const FactoredSurface& surface, const CrossSections& sections
   for (Index i = 0; i < count; ++i)
     values.row(i).head<3>() =
         surface.mesh.positions.row(surface.poisson->active_vertex(static_cast<int>(i)));
-  const Rows shown = smoothed(surface, kLengthOfRadius * largest,
-                              (radii / largest).cwiseMax(kLeastShownRadius), values);
+  const Eigen::VectorXd relative = (radii / largest).cwiseMax(kLeastShownRadius);
+  const Rows shown = smoothed(surface, kLengthOfRadius * largest, relative, values);
+  along_ = std::make_unique<RotationSmoothing>(
+      surface, kLengthOfRadius * largest,
+      masses_for(surface,
+                 relative.cwiseQuotient(sections.shares.cwiseMax(kLeastShare).cwiseSqrt())));
   const Rows centres = this->centres(in_order(base, surface.order()));
   for (Index i = 0; i < arms_.rows(); ++i) arms_.row(i) = (shown.row(i) - centres.row(i)).head<3>();
   shares_ = solidity * shares.head(arms_.rows());
@@ -76,6 +87,7 @@ Rows LimbBase::centres(const Rows& base) const {
         now.row(i) += weight * before.row(index);
     }
   }
+  if (along_) along_->run(now.data());
   return now;
 }
 

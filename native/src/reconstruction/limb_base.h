@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
+
 #include "reconstruction/cross_sections.h"
 #include "reconstruction/factored_surface.h"
 #include "reconstruction/limb_bend.h"
+#include "reconstruction/rotation_smoothing.h"
 
 namespace dd {
 
 /// Beyond the paper: a base of solid limbs that shows them. B is a thread there, and near rims a tube
-/// that twists otherwise. With c the means of B over cross-sections and Ŝ the surface smoothed over a
-/// part of a limb's radius, which loses its relief and keeps its thickness,
+/// that twists otherwise. With c the means of B over cross-sections, smoothed along the limb, and Ŝ
+/// the surface smoothed over a part of a limb's radius, which loses its relief and keeps its
+/// thickness,
 ///
 ///   B + s (Ŝ − B) at rest,   B' + s (c' + R_B (Ŝ − c) − B') in a pose
 ///
@@ -25,7 +29,8 @@ class LimbBase {
   Rows offsets(const LimbBend& bend, const Rows& base, const Rows& even) const;
 
   double bytes() const {
-    return static_cast<double>((arms_.size() + shares_.size()) * Index(sizeof(double)));
+    return static_cast<double>((arms_.size() + shares_.size()) * Index(sizeof(double))) +
+           (along_ ? along_->bytes() : 0);
   }
 
  private:
@@ -34,8 +39,9 @@ class LimbBase {
 
   const FactoredSurface& surface_;
   const CrossSections& sections_;
-  Positions arms_;          // Ŝ − c, of free rows
-  Eigen::VectorXd shares_;  // s, of free rows
+  std::unique_ptr<RotationSmoothing> along_;  // of c; vertices without a section don't count
+  Positions arms_;                            // Ŝ − c, of free rows
+  Eigen::VectorXd shares_;                    // s, of free rows
 };
 
 }  // namespace dd

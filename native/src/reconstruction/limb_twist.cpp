@@ -139,7 +139,7 @@ void LimbTwist::take(const HandleTurns& turns) {
 }
 
 template <class Real>
-void LimbTwist::run(std::vector<Real>& rotations) const {
+void LimbTwist::run(std::vector<Real>& rotations, double weight) const {
   surface_.poisson->pool().parallel_for(
       surface_.order().free_count, kLeastRange, [&](int64_t begin, int64_t end) {
         for (int64_t i = begin; i < end; ++i) {
@@ -153,15 +153,15 @@ void LimbTwist::run(std::vector<Real>& rotations) const {
           // would be ambiguous.
           Eigen::Quaterniond left =
               without_twist(even.conjugate() * found, sections_.axes.row(i).transpose(),
-                            std::min(1.0, 2 * solid));
+                            weight * std::min(1.0, 2 * solid));
           if (left.w() < 0) left.coeffs() *= -1;
           rotation = (even * left).template cast<Real>();
         }
       });
 }
 
-template void LimbTwist::run(std::vector<float>&) const;
-template void LimbTwist::run(std::vector<double>&) const;
+template void LimbTwist::run(std::vector<float>&, double) const;
+template void LimbTwist::run(std::vector<double>&, double) const;
 
 double LimbTwist::bytes() const {
   return conduction_->bytes() + blend_.bytes() +

@@ -30,9 +30,9 @@ class LimbTwist {
   /// R_0 as quaternions with continuous signs, rows in the surface's order. Of what is fixed: I.
   const Rows& even() const { return even_; }
   /// rotations: unit quaternions by active index; those of free vertices are replaced where limbs
-  /// are solid, with the signs of R_0.
+  /// are solid, with the signs of R_0. weight: 0 to 1, how much of the twist is removed.
   template <class Real>
-  void run(std::vector<Real>& rotations) const;
+  void run(std::vector<Real>& rotations, double weight) const;
 
   double bytes() const;
 

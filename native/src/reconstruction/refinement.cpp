@@ -456,7 +456,8 @@ void RefinementOf<Real>::iterate(int iterations, const Rows* base, const Turning
     if (cross_sections_ || surface_.stiffness.varies()) settings.smoothing = 1;
     if (cross_sections_) {
       if (bends && first) limb_bend_->run(*base, limb_twist_->even(), vertex_rotations_);
-      if (even_twist && (last || (first && given.gauge))) limb_twist_->run(vertex_rotations_);
+      if (even_twist && (last || (first && given.gauge_weight > 0)))
+        limb_twist_->run(vertex_rotations_, last ? 1 : given.gauge_weight);
       cross_section_means_->run(solidity_, vertex_rotations_);
     }
     if (settings.smoothing > 0) smoothing_->run(vertex_rotations_.data(), settings.smoothing);
