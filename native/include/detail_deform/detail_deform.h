@@ -400,8 +400,8 @@ DD_ENUM(dd_method){
 /* The surface that an update returns. */
 DD_ENUM(dd_output){
     DD_OUTPUT_RESULT = 0, /* the deformed surface */
-    DD_OUTPUT_BASE = 1,   /* the deformed base surface. With solidity, limbs, of which it is a thread,
-                             are shown with their thickness and without relief */
+    DD_OUTPUT_BASE = 1,   /* the deformed base surface; solid limbs, of which it is a thread, with
+                             their thickness and without relief */
 };
 
 /* How the handles move a computed base. */

@@ -70,8 +70,8 @@ class Method {
   /// part of one, 0 to 1; empty: none is.
   virtual bool is_solid(const MethodOptions&) const { return false; }
   virtual Eigen::VectorXd limbs(const MethodOptions&) { return {}; }
-  /// Adds to B' what shows solid limbs, see LimbBase. base: rows in BoundSurface::order(), positions
-  /// or displacements.
+  /// Adds to B' what shows solid limbs, see LimbBase. base: rows in BoundSurface::order(),
+  /// positions or displacements.
   virtual void show_limbs(const BasePose&, const Turning&, const MethodOptions&, Rows&) {}
   /// Throws Error(numeric) if the last update failed and left none.
   virtual MethodFindings findings() const { return {}; }

@@ -26,9 +26,9 @@ Eigen::VectorXd masses_for(const FactoredSurface& surface, const Eigen::VectorXd
   return masses;
 }
 
-/// 3 S² − 2 S³ of values by active index, S = (M + tL)⁻¹ M, t the squared length. With x the squared
-/// ratio of length and wave, S = 1 / (1 + x), long waves lose 3 x² only. relative: the length at
-/// each active vertex, as a fraction.
+/// 3 S² − 2 S³ of values by active index, S = (M + tL)⁻¹ M, t the squared length. With x the
+/// squared ratio of length and wave, S = 1 / (1 + x), long waves lose 3 x² only. relative: the
+/// length at each active vertex, as a fraction.
 Rows smoothed(const FactoredSurface& surface, double length, const Eigen::VectorXd& relative,
               Rows values) {
   RotationSmoothing smoothing(surface, length, masses_for(surface, relative));

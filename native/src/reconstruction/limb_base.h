@@ -10,9 +10,9 @@
 
 namespace dd {
 
-/// Beyond the paper: a base of solid limbs that shows them. B is a thread there, and near rims a tube
-/// that twists otherwise. With c the means of B over cross-sections, smoothed along the limb, and Ŝ
-/// the surface smoothed over a part of a limb's radius, which loses its relief and keeps its
+/// Beyond the paper: a base of solid limbs that shows them. B is a thread there, and near rims a
+/// tube that twists otherwise. With c the means of B over cross-sections, smoothed along the limb,
+/// and Ŝ the surface smoothed over a part of a limb's radius, which loses its relief and keeps its
 /// thickness,
 ///
 ///   B + s (Ŝ − B) at rest,   B' + s (c' + R_B (Ŝ − c) − B') in a pose

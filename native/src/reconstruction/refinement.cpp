@@ -234,7 +234,7 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
   const bool had_arms = !arms_.empty();
-  if (both_diagonals_ && had_arms != (arms.rows() > 0)) make_averages(arms.rows() > 0);
+  if (const bool both = both_diagonals_ && sections; both || !others_.empty()) make_averages(both);
   arms_.set(arms);
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);

@@ -35,8 +35,8 @@ class RefinedFlux : public FluxSource {
 /// solve.
 ///
 /// Solid limbs have sections, over which rotations are averaged before they are smoothed, over a
-/// length that rises with the length of the arm. The first rotations of limbs are those of LimbBend,
-/// where the base is known.
+/// length that rises with the length of the arm. The first rotations of limbs are those of
+/// LimbBend, where the base is known.
 class Refinement : public RefinedFlux {
  public:
   /// Before the first find(). sections: must outlive this; null: there are none. solidity: 0, a
@@ -49,8 +49,8 @@ class Refinement : public RefinedFlux {
   /// The same with a pose of S in place of S: rotations are those from the pose to S', and they
   /// turn the pose's gradients. posed: displacements of all rows.
   virtual void find_from(const Rows& posed, int iterations, Rows& offsets) = 0;
-  /// What LimbBase adds to B', by active vertex; without rows where no limb is solid or the handles'
-  /// turns are not known.
+  /// What LimbBase adds to B', by active vertex; without rows where no limb is solid or the
+  /// handles' turns are not known.
   virtual Rows limb_base(const Rows& base, const Turning& turning) = 0;
   /// By active vertex: unit quaternions, but shorter where smoothing averaged different ones.
   virtual Rows rotations() const = 0;
