@@ -3,13 +3,13 @@
 #include "reconstruction/other_diagonals.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
 #include "catch.h"
 #include "mesh/triangles.h"
 #include "meshes.h"
-#include "tapered_limb.h"
 
 using namespace dd;
 using namespace dd::test;

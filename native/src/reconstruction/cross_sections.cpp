@@ -157,14 +157,7 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
       found->means[size_t(i)] = mean_over(section, static_cast<int>(i), even, of_vertices);
     }
   });
-  for (int round = 0; round < kCrossSectionRounds; ++round) {
-    const Positions before = centres;
-    for (Index i = 0; i < count; ++i) {
-      centres.row(i).setZero();
-      for (const auto& [index, weight] : found->means[size_t(i)])
-        centres.row(i) += weight * before.row(index);
-    }
-  }
+  found->average(centres, count);
   found->arms = samples.surface.mesh.positions(samples.vertices, kAllIndices) - centres;
   return found;
 }

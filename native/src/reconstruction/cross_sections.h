@@ -39,6 +39,10 @@ struct CrossSections {
   Positions axes;          ///< unit vectors along the limb
   Eigen::VectorXd shares;  ///< how much of its section is there, in [0, 1]
 
+  /// Averages values, rows by active index, over sections, all rounds. count: of the first ones; the
+  /// others are read only.
+  template <class Values>
+  void average(Values& values, Index count) const;
   /// Whether no vertex has another side.
   bool empty() const { return !(shares.array() > 0).any(); }
   double bytes() const;
@@ -60,5 +64,17 @@ std::unique_ptr<CrossSections> find_cross_sections(const FactoredSurface& surfac
 /// Rounds of averaging over sections. On a circle, a round leaves a third of the first angular mode
 /// and half of the second.
 constexpr int kCrossSectionRounds = 3;
+
+template <class Values>
+void CrossSections::average(Values& values, Index count) const {
+  for (int round = 0; round < kCrossSectionRounds; ++round) {
+    const Values before = values;
+    for (Index i = 0; i < count; ++i) {
+      values.row(i).setZero();
+      for (const auto& [index, weight] : means[size_t(i)])
+        values.row(i) += weight * before.row(index);
+    }
+  }
+}
 
 }  // namespace dd

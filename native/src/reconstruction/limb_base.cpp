@@ -79,14 +79,7 @@ Rows LimbBase::centres(const Rows& base) const {
   Rows now = Rows::Zero(sections_.shares.size(), 4);
   for (Index i = 0; i < now.rows(); ++i)
     now.row(i) = base.row(surface_.poisson->active_row(static_cast<int>(i)));
-  for (int round = 0; round < kCrossSectionRounds; ++round) {
-    const Rows before = now;
-    for (Index i = 0; i < arms_.rows(); ++i) {  // rims stay
-      now.row(i).setZero();
-      for (const auto& [index, weight] : sections_.means[size_t(i)])
-        now.row(i) += weight * before.row(index);
-    }
-  }
+  sections_.average(now, arms_.rows());  // rims stay
   if (along_) along_->run(now.data());
   return now;
 }

@@ -58,9 +58,8 @@ OtherDiagonals other_diagonals(const Positions& positions, const SurfaceOperator
     if (quad_of_one >= 0 || quad_of_other >= 0) continue;
     const int a = t(one.triangle, one.corner), b = t(one.triangle, (one.corner + 1) % 3),
               c = t(other.triangle, other.corner), d = t(one.triangle, (one.corner + 2) % 3);
-    const auto length = [&](int v, int w) { return (positions.row(v) - positions.row(w)).norm(); };
     // A fold of a flat surface onto itself, or two triangles with the same corners.
-    if (a == c || !(length(a, c) > 0)) continue;
+    if (!((positions.row(a) - positions.row(c)).norm() > 0)) continue;
     quad_of_one = quad_of_other = static_cast<int>(triangles.size() / 2);
     triangles.emplace_back(a, b, c);
     triangles.emplace_back(a, c, d);

@@ -181,7 +181,6 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, const Positions* base
   if (const std::vector<int> constrained = constrained_triangles(); !constrained.empty())
     constrained_ = rotation_blocks<Real>(surface.mesh.positions, t, constrained, stand_ins_of,
                                          surface.order());
-  make_averages(false);
 }
 
 template <class Real>
@@ -234,7 +233,8 @@ void RefinementOf<Real>::set_solidity(const CrossSections* sections, double soli
   const Positions arms = sections ? Positions(solidity * sections->arms) : Positions(0, 3);
   make_smoothing(arms);
   const bool had_arms = !arms_.empty();
-  if (const bool both = both_diagonals_ && sections; both || !others_.empty()) make_averages(both);
+  const bool both = both_diagonals_ && sections;
+  if (averages_.size() == 0 || both || !others_.empty()) make_averages(both);
   arms_.set(arms);
   solidity_of_row_.resize(0);
   if (sections) solidity_of_row_ = solidity * sections->shares.head(surface_.order().free_count);
