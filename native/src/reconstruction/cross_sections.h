@@ -39,8 +39,8 @@ struct CrossSections {
   Positions axes;          ///< unit vectors along the limb
   Eigen::VectorXd shares;  ///< how much of its section is there, in [0, 1]
 
-  /// Averages values, rows by active index, over sections, all rounds. count: of the first ones; the
-  /// others are read only.
+  /// Averages values, rows by active index, over sections, all rounds. count: of the first ones;
+  /// the others are read only.
   template <class Values>
   void average(Values& values, Index count) const;
   /// Whether no vertex has another side.
