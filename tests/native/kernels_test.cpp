@@ -327,6 +327,23 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
       const double expected = edge(0).cross(edge(1)).dot(mean * vector(block.normal));
       CHECK(std::abs(areas[size_t(i)] - expected) < 10 * tolerance);
     }
+    auto turning = near;
+    for (int row : {1, 5}) std::fill_n(&turning[size_t(4 * row)], 4, Real(0));
+    for (Real& c : turning) c *= Real(0.7);
+    auto vectors = numbers(4 * 3 * kLanes, double());
+    for (size_t i = 3; i < vectors.size(); i += 4) vectors[i] = 0;
+    std::vector<double> turned(vectors.size(), 1), turned_wide(turned);
+    plain.turn_vectors(3 * kLanes, turning.data(), vectors.data(), turned.data());
+    wide.turn_vectors(3 * kLanes, turning.data(), vectors.data(), turned_wide.data());
+    for (int row = 0; row < 3 * kLanes; ++row) {
+      const Eigen::Quaterniond q = quaternion(&turning[size_t(4 * row)]);
+      const Eigen::Map<const Eigen::Vector4d> r(&vectors[size_t(4 * row)]),
+          of_plain(&turned[size_t(4 * row)]), of_wide(&turned_wide[size_t(4 * row)]);
+      Eigen::Vector4d expected = Eigen::Vector4d::Zero();
+      if (q.norm() > 0) expected.head<3>() = q.normalized() * r.head<3>() - r.head<3>();
+      CHECK((of_plain - expected).norm() < 1e-14);
+      CHECK((of_wide - expected).norm() < 1e-14);
+    }
     const std::vector<int> starts = {0, 3, 5, 9};
     int32_t index[9][kLanes];
     Real weights[9][kLanes];

@@ -27,6 +27,7 @@ constexpr KernelsOf<Real> kernels_of() {
   set.rotation_pass = rotation_pass<Real>;
   set.mean_rotations = mean_rotations<Real>;
   set.rotated_flux_pass = rotated_flux_pass<Real>;
+  set.turn_vectors = turn_vectors<Real>;
   set.arm_areas = arm_areas<Real>;
   set.example_pose = example_pose<Real>;
   set.example_misfit = example_misfit<Real>;

@@ -479,6 +479,48 @@ void rotated_flux_pass(int block_count, const RotatedFluxBlock<Real>* blocks,
   }
 }
 
+#ifdef __AVX2__
+inline __m256d load_as_double(const float* row) { return _mm256_cvtps_pd(_mm_loadu_ps(row)); }
+inline __m256d load_as_double(const double* row) { return _mm256_loadu_pd(row); }
+
+/// The cross product of the first three values; the fourth is 0 if one of theirs is.
+inline __m256d cross(__m256d a, __m256d b) {
+  constexpr int kNext = 0xC9;  // y z x w
+  const __m256d product = _mm256_fmsub_pd(a, _mm256_permute4x64_pd(b, kNext),
+                                          _mm256_mul_pd(_mm256_permute4x64_pd(a, kNext), b));
+  return _mm256_permute4x64_pd(product, kNext);
+}
+#endif
+
+template <class Real>
+void turn_vectors(int count, const Real* quaternions, const double* vectors, double* changes) {
+  constexpr double kLeastSquare = 1e-300;  // Safety: of a zero, divided by
+  for (int64_t i = 0; i < 4 * int64_t{count}; i += 4) {
+    const Real* const q = quaternions + i;
+#ifdef __AVX2__
+    const __m256d turn = load_as_double(q), squares = _mm256_mul_pd(turn, turn),
+                  pairs = _mm256_add_pd(squares, _mm256_permute_pd(squares, 0x5)),
+                  square = _mm256_add_pd(pairs, _mm256_permute2f128_pd(pairs, pairs, 1)),
+                  scale = _mm256_div_pd(_mm256_set1_pd(2),
+                                        _mm256_max_pd(square, _mm256_set1_pd(kLeastSquare))),
+                  first = cross(turn, _mm256_loadu_pd(vectors + i)),
+                  w = _mm256_permute4x64_pd(turn, 0xFF);
+    _mm256_storeu_pd(changes + i,
+                     _mm256_mul_pd(scale, _mm256_fmadd_pd(w, first, cross(turn, first))));
+#else
+    const double* const r = vectors + i;
+    const double x = q[0], y = q[1], z = q[2], w = q[3];
+    const double square = x * x + y * y + z * z + w * w;
+    const double scale = 2 / (square > kLeastSquare ? square : kLeastSquare);
+    const double cx = y * r[2] - z * r[1], cy = z * r[0] - x * r[2], cz = x * r[1] - y * r[0];
+    changes[i] = scale * (w * cx + y * cz - z * cy);
+    changes[i + 1] = scale * (w * cy + z * cx - x * cz);
+    changes[i + 2] = scale * (w * cz + x * cy - y * cx);
+    changes[i + 3] = 0;
+#endif
+  }
+}
+
 template <class Real>
 void arm_areas(int block_count, const ArmBlock<Real>* blocks, const Real* quaternions,
                const double* displacements, Real* areas) {

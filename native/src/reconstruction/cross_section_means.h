@@ -35,16 +35,20 @@ class CrossSectionMeans {
   }
 
   /// rotations: rows of 4 by active index, padded to blocks; replaced by their means in the
-  /// proportion of solidity.
-  void run(double solidity, std::vector<Real>& rotations) {
+  /// proportion of solidity. rounds: 1 or more.
+  void run(double solidity, int rounds, std::vector<Real>& rotations) {
     const bool relative = !gauge_.empty();
-    now_ = rotations;
-    next_.resize(now_.size());
-    if (relative) each([&](int i, Map q) { q = q * of_gauge(i).conjugate(); }, now_);
-    for (int round = 0; round < kCrossSectionRounds; ++round) {
-      means_.run(now_, next_, surface_.poisson->pool());
+    now_.resize(rotations.size());
+    next_.resize(rotations.size());
+    if (relative) {
+      next_ = rotations;
+      each([&](int i, Map q) { q = q * of_gauge(i).conjugate(); }, next_);
+    }
+    for (int round = 0; round < rounds; ++round) {
+      means_.run(relative || round > 0 ? next_ : rotations, now_, surface_.poisson->pool());
       now_.swap(next_);
     }
+    now_.swap(next_);
     each(
         [&](int i, Map mean) {
           if (relative) mean = mean * of_gauge(i);

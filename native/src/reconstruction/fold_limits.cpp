@@ -17,8 +17,7 @@ constexpr double kLeastArea = 0.6;
 template <class Real>
 Eigen::Quaterniond quaternion(const Real* quaternions, int row) {
   return Eigen::Map<const Eigen::Quaternion<Real>>(quaternions + 4 * Index(row))
-      .template cast<double>()
-      .normalized();
+      .template cast<double>();
 }
 
 /// Fills a lane; positions, arms in their pose, arms at rest: of the corners, a column each.
@@ -110,16 +109,16 @@ void FoldLimits<Real>::limit(int number, double area, const Real* quaternions,
   const ArmBlock<Real>& block = blocks_[size_t(number / kLanes)];
   const int lane = number % kLanes;
   const Eigen::Quaterniond first = quaternion(quaternions, block.corner[0][lane]);
-  Eigen::Quaterniond mean(0, 0, 0, 0);
-  for (const auto& corner : block.corner) {
-    const Eigen::Quaterniond turn = quaternion(quaternions, corner[lane]);
+  Eigen::Quaterniond mean = first;
+  for (int k : {1, 2}) {
+    const Eigen::Quaterniond turn = quaternion(quaternions, block.corner[k][lane]);
     mean.coeffs() += (turn.dot(first) < 0 ? -1 : 1) * turn.coeffs();
   }
-  mean.normalize();
+  const Eigen::Matrix3d rotation = mean.normalized().toRotationMatrix();
   Eigen::Matrix3d beyond;  // R r of the corners without what R of the triangle does to r
   for (int k = 0; k < 3; ++k) {
     const int corner = block.corner[k][lane];
-    beyond.col(k) = arms.after(corner) - mean * arms.before(corner);
+    beyond.col(k) = arms.after(corner) - rotation * arms.before(corner);
   }
   const int triangle = triangles_[size_t(number)];
   const double factor = (1 - kLeastArea) / (1 - area);  // λ

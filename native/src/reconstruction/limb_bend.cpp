@@ -38,6 +38,7 @@ LimbBend::LimbBend(const FactoredSurface& surface, const CrossSections& sections
   weights_.setZero(order.free_count);
   swings_.setZero(order.free_count);
   begin_.push_back(0);
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   for (int i = 0; i < order.free_count; ++i) {
     const int own = surface.poisson->active_vertex(i);
     const auto each_edge = [&](const auto& use) {  // of B, with its cotangent weight
@@ -51,7 +52,7 @@ LimbBend::LimbBend(const FactoredSurface& surface, const CrossSections& sections
         extents += weight * edge.transpose() * edge;
         surface_extent += weight * (p.row(other) - p.row(own)).squaredNorm();
       });
-      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(extents);
+      solver.computeDirect(extents);
       const auto extent = [&](int k) {
         return std::sqrt(std::max(0.0, 2 * solver.eigenvalues()[k] / surface_extent));
       };

@@ -36,17 +36,18 @@ Eigen::VectorXd conductivities(const CrossSections& sections, double solidity) {
 }
 
 /// Removes a rotation's twist about an axis in the proportion of a weight.
-Eigen::Quaterniond without_twist(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& axis,
-                                 double weight) {
-  const double along = rotation.vec().dot(axis),
-               square = rotation.w() * rotation.w() + along * along;
-  weight *= std::clamp((square - kNothingFrom) / (kFullUntil - kNothingFrom), 0.0, 1.0);
+template <class Real>
+Eigen::Quaternion<Real> without_twist(const Eigen::Quaternion<Real>& rotation,
+                                      const Eigen::Matrix<Real, 3, 1>& axis, Real weight) {
+  const Real along = rotation.vec().dot(axis), square = rotation.w() * rotation.w() + along * along;
+  weight *=
+      std::clamp((square - Real(kNothingFrom)) / Real(kFullUntil - kNothingFrom), Real(0), Real(1));
   if (weight == 0) return rotation;
-  const double scale = (rotation.w() < 0 ? -weight : weight) / std::sqrt(square);
-  Eigen::Quaterniond back;  // the inverse of the twist
+  const Real scale = (rotation.w() < 0 ? -weight : weight) / std::sqrt(square);
+  Eigen::Quaternion<Real> back;  // the inverse of the twist
   back.w() = 1 - weight + scale * rotation.w();
   back.vec() = -scale * along * axis;
-  const Eigen::Quaterniond result = rotation * back;
+  const Eigen::Quaternion<Real> result = rotation * back;
   return weight < 1 ? result.normalized() : result;
 }
 
@@ -145,17 +146,17 @@ void LimbTwist::run(std::vector<Real>& rotations, double weight) const {
         for (int64_t i = begin; i < end; ++i) {
           const double solid = solidity_ * sections_.shares[i];
           if (solid == 0) continue;
-          Eigen::Map<Eigen::Quaternion<Real>> rotation(&rotations[4 * size_t(i)]);
-          const Eigen::Quaterniond even = quaternion(even_, i),
-                                   found = rotation.template cast<double>();
+          using Quaternion = Eigen::Quaternion<Real>;
+          Eigen::Map<Quaternion> rotation(&rotations[4 * size_t(i)]);
+          const Quaternion even = quaternion(even_, i).template cast<Real>();
           // All of it from a solidity of a half on: up to there R_0 is less than half a turn from
           // the rotations of a limb that is twisted by three turns, where a part of the twist
           // would be ambiguous.
-          Eigen::Quaterniond left =
-              without_twist(even.conjugate() * found, sections_.axes.row(i).transpose(),
-                            weight * std::min(1.0, 2 * solid));
+          Quaternion left = without_twist<Real>(
+              even.conjugate() * rotation, sections_.axes.row(i).transpose().template cast<Real>(),
+              Real(weight * std::min(1.0, 2 * solid)));
           if (left.w() < 0) left.coeffs() *= -1;
-          rotation = (even * left).template cast<Real>();
+          rotation = even * left;
         }
       });
 }

@@ -105,8 +105,8 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
   if (mixed) unrefined = offsets;
   if (coarse_refinement_) {
     coarse_refinement_->find(refined.iterations, pose, turning, offsets);
-    refinement->arms().solve_for_centres(offsets,
-                                         [&] { solve_by(*refinement, clamps, 1, offsets); });
+    refinement->arms().solve_anew_for_centres(offsets,
+                                              [&] { solve_by(*refinement, clamps, 1, offsets); });
   } else {
     refinement_->find(refined.iterations, pose.base, turning, offsets);
     solve_refined(clamps, offsets);

@@ -150,7 +150,7 @@ class CoarseRefinementOf : public CoarseRefinement {
         }
     }
     const bool had_arms = !arms_.empty();
-    arms_.set(std::move(arms));
+    arms_.set(arms);
     if (had_arms || !arms_.empty()) pass_.take(arms_.centres(fine_.rest));
     limits_.take(fine_.rest, arms_);
     rests_.clear();
