@@ -57,6 +57,21 @@ TEST_CASE("solid limbs keep sections and volume, twisted, bent and led aside") {
     }
 }
 
+TEST_CASE("limbs with sharp ridges, as planks and blades, keep sections and don't fold there") {
+  const auto [corners, flatness] = GENERATE(table<int, double>({{4, 0.4}, {6, 0.4}, {3, 1.0}}));
+  for (const int density : {1, 3}) {
+    INFO(corners << " corners, density " << density);
+    const TaperedLimb limb = TaperedLimb(0.4, 0.2, 1, density).with_ridges(corners, flatness);
+    Deformer deformer(limb.mesh, limb.roles, 1, {});
+    for (const double degrees : {360.0, 720.0}) {
+      const Positions p =
+          surface(deformer, {TaperedLimb::twist(degrees)}, solid(1, {0, 0, radians(degrees)}));
+      CHECK(limb.least_section(p) > 0.97);
+      CHECK(measure(limb.mesh, p, std::vector<char>(limb.roles.size(), 1)).intersecting_pairs == 0);
+    }
+  }
+}
+
 TEST_CASE("a solid limb is twisted evenly along its length, by any angle, also a tapered one") {
   const double shapes[4][4] = {
       {0.3, 0.3, 1, 0}, {0.5, 0.06, 1, 0}, {0.5, 0.3, 0.5, 0}, {0.4, 0.1, 1, 0.08}};

@@ -32,6 +32,20 @@ struct TaperedLimb {
                   })),
         roles(ends_held(mesh, 0.1, 0.9)) {}
 
+  /// The same with a regular polygon for its circle, corners between vertices, flattened along y.
+  TaperedLimb with_ridges(int corners, double flatness) const {
+    TaperedLimb made = *this;
+    const double side = 2 * kPi / corners;
+    for (Index v = 0; v < made.mesh.positions.rows(); ++v) {
+      auto p = made.mesh.positions.row(v);
+      const double angle = std::atan2(p[1], p[0]) + 0.1;  // any, or corners would be vertices
+      const double from_middle = angle - side * std::floor(angle / side) - side / 2;
+      p.head<2>() *= std::cos(side / 2) / std::cos(from_middle);
+      p[1] *= flatness;
+    }
+    return made;
+  }
+
   /// The same vertices with triangles that are symmetric about the plane x = 0: its quads are cut
   /// along the mirrored diagonals where x < 0.
   TaperedLimb symmetric() const {

@@ -11,12 +11,17 @@ namespace dd {
 
 namespace {
 
-// Angles of the rays to the inward normal. The first one decides whether there is another side.
+// Angle of the side rays to the inward normal. The ray along it decides whether there is another
+// side.
 // Tuned: on a circle, a round of averages over these rays and the vertex itself leaves a third of
 // the first angular mode, half of the second and a seventh of the third. With 60° a flat limb that
 // is led aside keeps 82% of its section, with 50° 99%; two more rays do no better.
 constexpr double kTilt = 50 * kPi / 180;
-constexpr double kAngles[kSectionRays] = {0, kTilt, -kTilt};
+// The most of that angle at a ridge, as a fraction of the one at which a ray would be outside.
+// Tuned: planks of .16 times their width, twisted by a turn, have no new intersecting pair; with
+// side rays outside, which meet nothing, 642, as a ridge counts as less solid than its sides. 126
+// poses of public meshes have 1,590, with .9 1,622.
+constexpr double kOfAngleInside = 0.75;
 // The thickness of which half counts, as a fraction of the free length. Tuned: limbs of two thirds
 // of that thickness keep their sections; with 0.7, 36 poses of public meshes, of slabs cut out of
 // bodies, have 173 new intersecting pairs in place of 124.
@@ -63,12 +68,30 @@ std::vector<double> outward_signs(const Mesh& mesh, const Components& components
 
 SectionRays::SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices,
                          double longest)
-    : beyond_(1e-6 * surface.active_size),
+    : mesh_(surface.mesh),
+      fans_(surface.mesh.triangles, surface.mesh.vertex_count()),
+      beyond_(1e-6 * surface.active_size),
       near_(triangles_near(surface.mesh, vertices, kReach * longest)),
       tree_(near_),
       normals_(summed_normals(surface.mesh.positions, surface.mesh.triangles)),
       components_(surface.mesh.triangles, surface.mesh.vertex_count()),
       outwards_(outward_signs(surface.mesh, components_)) {}
+
+double SectionRays::angle_inside(int vertex, const Eigen::Vector3d& normal,
+                                 const Eigen::Vector3d& side) const {
+  const double outwards = outwards_[size_t(component_of(vertex))];
+  const Eigen::RowVector3d p = mesh_.positions.row(vertex);
+  double least = kPi / 2;
+  for (const int j : fans_.of(vertex)) {
+    Eigen::RowVector3d to_corners = Eigen::RowVector3d::Zero();
+    for (const int v : mesh_.triangles.row(j)) to_corners += mesh_.positions.row(v) - p;
+    const Eigen::Vector3d own =
+        outwards * edges_and_normal(mesh_.positions, mesh_.triangles, j).col(2);
+    if (to_corners.dot(side) > 0 && own.dot(side) > 0)
+      least = std::min(least, std::max(0.0, std::atan2(own.dot(normal), own.dot(side))));
+  }
+  return least;
+}
 
 SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double free_length) const {
   SectionSample sample;
@@ -81,11 +104,16 @@ SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double 
   const Eigen::Vector3d n = (normal - axis * axis.dot(normal)).normalized();
   if (!(n.squaredNorm() > 0.5)) return sample;
   const Eigen::Vector3d across = n.cross(axis);
-  const double sum_of_cosines = 1 + 2 * std::cos(kTilt);
+  const auto tilt = [&](const Eigen::Vector3d& side) {
+    return std::min(kTilt, kOfAngleInside * angle_inside(vertex, n, side));
+  };
+  const std::array<double, kSectionRays> angles = {0, tilt(across), -tilt(-across)};
+  double sum_of_cosines = 0;
+  for (const double angle : angles) sum_of_cosines += std::cos(angle);
   double opposite = 0;  // share at the first point
   for (size_t k = 0; k < kSectionRays; ++k) {
-    const double cosine = std::cos(kAngles[k]);
-    const Eigen::Vector3d direction = -cosine * n + std::sin(kAngles[k]) * across;
+    const double cosine = std::cos(angles[k]);
+    const Eigen::Vector3d direction = -cosine * n + std::sin(angles[k]) * across;
     const PointOnTriangle point =
         tree_.first_exit(p, direction, {beyond_, kReach * free_length, outwards},
                          [&](int j) { return component_of(near_.triangles(j, 0)) == component; });

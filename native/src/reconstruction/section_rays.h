@@ -36,6 +36,12 @@ class SectionRays {
   const Mesh& mesh() const { return near_; }
 
  private:
+  /// The angle to the inward normal at which a ray leaves through the vertex' own triangles on a
+  /// side of it, at most 90°.
+  double angle_inside(int vertex, const Eigen::Vector3d& normal, const Eigen::Vector3d& side) const;
+
+  const Mesh& mesh_;
+  VertexTriangles fans_;
   double beyond_;  // least distance of a side
   Mesh near_;
   AabbTree tree_;
