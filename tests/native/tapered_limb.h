@@ -46,6 +46,16 @@ struct TaperedLimb {
     return made;
   }
 
+  /// The same with three bulges along it, by a fraction of the radius.
+  TaperedLimb with_bulges(double height) const {
+    TaperedLimb made = *this;
+    for (Index v = 0; v < made.mesh.positions.rows(); ++v) {
+      auto p = made.mesh.positions.row(v);
+      p.head<2>() *= 1 + height * std::sin(20 * p[2] / kLength);
+    }
+    return made;
+  }
+
   /// The same vertices with triangles that are symmetric about the plane x = 0: its quads are cut
   /// along the mirrored diagonals where x < 0.
   TaperedLimb symmetric() const {

@@ -137,12 +137,18 @@ std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& sa
   const SectionRays rays(samples.surface, samples.vertices, free.lengths.maxCoeff());
   const SamplesOfVertices of_vertices(samples, rays);
   auto found = std::make_unique<CrossSections>();
-  found->axes = limb_axes(samples.own);
   found->shares.setZero(count);
   found->means.resize(size_t(count));
-  Positions centres = samples.surface.mesh.positions(samples.vertices, kAllIndices);
   constexpr int kLeastRays = 64;
-  samples.surface.poisson->pool().parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
+  ThreadPool& pool = samples.surface.poisson->pool();
+  Eigen::VectorXd thicknesses(count);
+  pool.parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i)
+      thicknesses[i] = rays.thickness(samples.vertices[size_t(i)], free.lengths[i]);
+  });
+  found->axes = limb_axes(samples.own, thicknesses);
+  Positions centres = samples.surface.mesh.positions(samples.vertices, kAllIndices);
+  pool.parallel_for(count, kLeastRays, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const int vertex = samples.vertices[size_t(i)];
       const SectionSample section =

@@ -2,57 +2,65 @@
 #include "reconstruction/limb_axes.h"
 
 #include <Eigen/Eigenvalues>
-#include <vector>
+#include <algorithm>
 
 #include "mesh/triangles.h"
+#include "reconstruction/rotation_smoothing.h"
 
 namespace dd {
 
 namespace {
 
-// Times that sums are taken over one-rings. Tuned: with 1, relief hides the limb; 8 do no more.
-constexpr int kRounds = 4;
+// The length over which n nᵀ is smoothed, as a fraction of the limb's thickness. Tuned: on limbs
+// with bulges, as high as a half of their radius, shorter lengths take an axis around a bulge; led
+// aside these keep 79% of their sections with the normals of four rings of edges, 92% with 0.5,
+// 95% with 1. With 2, 36 poses of public meshes have 125 new intersecting pairs in place of 107.
+constexpr double kOfThickness = 1;
 
 }  // namespace
 
-Positions limb_axes(const FactoredSurface& surface) {
+Positions limb_axes(const FactoredSurface& surface, const Eigen::VectorXd& thicknesses) {
   const Mesh& mesh = surface.mesh;
   const PoissonSystem& poisson = *surface.poisson;
-  const std::vector<int> faces = surface.faces_with_free_corners();
-  const auto count = static_cast<Index>(faces.size());
-  // Active indices; -1 where the active triangles, which may be others than the faces, have no such
-  // corner.
-  Triangles corners(count, 3);
-  // The upper triangles of the symmetric matrices.
-  using Tensors = Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>;
-  Tensors of_faces(count, 6), of_vertices(poisson.active_vertex_count(), 6);
-  for (Index i = 0; i < count; ++i) {
-    const auto face = mesh.triangles.row(faces[size_t(i)]);
-    for (int k = 0; k < 3; ++k) corners(i, k) = poisson.active_index_of_vertex(face[k]);
-    const Eigen::Matrix3d frame =
-        edges_and_normal(mesh.positions, mesh.triangles, faces[size_t(i)]);
+  const Index count = poisson.active_vertex_count();
+  // Of each active vertex the mean of n nᵀ over its faces: the first row; the rest of the upper
+  // triangle.
+  using Tensors = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
+  Tensors first = Tensors::Zero(count, 4), rest = first;
+  Eigen::VectorXd areas = Eigen::VectorXd::Zero(count);
+  for (const int j : surface.faces_with_free_corners()) {
+    const Eigen::Matrix3d frame = edges_and_normal(mesh.positions, mesh.triangles, j);
     const auto n = frame.col(2);
-    of_faces.row(i) << n[0] * n[0], n[0] * n[1], n[0] * n[2], n[1] * n[1], n[1] * n[2], n[2] * n[2];
-    of_faces.row(i) *= frame.col(0).cross(frame.col(1)).norm();
+    const double area = frame.col(0).cross(frame.col(1)).norm();
+    for (const int v : mesh.triangles.row(j)) {
+      const int i = poisson.active_index_of_vertex(v);
+      if (i < 0) continue;  // the active triangles may be others than the faces
+      areas[i] += area;
+      first.row(i) += area * Eigen::RowVector4d(n[0] * n[0], n[0] * n[1], n[0] * n[2], 0);
+      rest.row(i) += area * Eigen::RowVector4d(n[1] * n[1], n[1] * n[2], n[2] * n[2], 0);
+    }
   }
-  for (int round = 0; round < kRounds; ++round) {
-    if (round > 0)
-      for (Index i = 0; i < count; ++i) {
-        of_faces.row(i).setZero();
-        for (int v : corners.row(i))
-          if (v >= 0) of_faces.row(i) += of_vertices.row(v);
-      }
-    of_vertices.setZero();
-    for (Index i = 0; i < count; ++i)
-      for (int v : corners.row(i))
-        if (v >= 0) of_vertices.row(v) += of_faces.row(i);
+  // (M / length² + L) T = M / length² T₀; at least the length of an edge.
+  Eigen::VectorXd masses = surface.operators.masses;
+  for (Index i = 0; i < count; ++i) {
+    if (areas[i] > 0) {
+      first.row(i) /= areas[i];
+      rest.row(i) /= areas[i];
+    }
+    const double length = kOfThickness * thicknesses[i];
+    double& mass = masses[poisson.active_vertex(static_cast<int>(i))];
+    mass /= std::max(length * length, mass);
   }
-  Positions axes(of_vertices.rows(), 3);
+  RotationSmoothing smoothing(surface, 1, masses);
+  smoothing.run(first.data());
+  smoothing.run(rest.data());
+  Positions axes(count, 3);
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-  for (Index i = 0; i < axes.rows(); ++i) {
-    const auto t = of_vertices.row(i);
+  for (Index i = 0; i < count; ++i) {
     Eigen::Matrix3d tensor;
-    tensor << t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[5];
+    tensor << first(i, 0), first(i, 1), first(i, 2),  //
+        first(i, 1), rest(i, 0), rest(i, 1),          //
+        first(i, 2), rest(i, 1), rest(i, 2);
     solver.computeDirect(tensor);
     axes.row(i) = solver.eigenvectors().col(0).transpose();
   }

@@ -6,9 +6,9 @@
 namespace dd {
 
 /// Unit vectors along the limb at each active vertex, by active index: the direction in which
-/// normals vary least in its neighbourhood, the last eigenvector of the sum of n nᵀ weighted by
-/// area. Where none is distinguished, as on a sphere or a plane, it is any, mostly within the
-/// surface.
-Positions limb_axes(const FactoredSurface& surface);
+/// normals vary least around it, the last eigenvector of n nᵀ smoothed over a length of the limb's
+/// thickness. Where none is distinguished, as on a sphere or a plane, it is any, mostly within the
+/// surface. thicknesses: by active index; 0: no other side is near.
+Positions limb_axes(const FactoredSurface& surface, const Eigen::VectorXd& thicknesses);
 
 }  // namespace dd

@@ -93,12 +93,25 @@ double SectionRays::angle_inside(int vertex, const Eigen::Vector3d& normal,
   return least;
 }
 
+PointOnTriangle SectionRays::exit(int vertex, const Eigen::Vector3d& direction,
+                                  double free_length) const {
+  const int component = component_of(vertex);
+  return tree_.first_exit(near_.positions.row(vertex).transpose(), direction,
+                          {beyond_, kReach * free_length, outwards_[size_t(component)]},
+                          [&](int j) { return component_of(near_.triangles(j, 0)) == component; });
+}
+
+double SectionRays::thickness(int vertex, double free_length) const {
+  const double outwards = outwards_[size_t(component_of(vertex))];
+  const PointOnTriangle opposite =
+      exit(vertex, -outwards * normals_.row(vertex).transpose(), free_length);
+  return opposite.triangle < 0 ? 0 : std::sqrt(opposite.squared_distance);
+}
+
 SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double free_length) const {
   SectionSample sample;
   sample.to_centre.setZero();
-  const Eigen::Vector3d p = near_.positions.row(vertex).transpose();
-  const int component = component_of(vertex);
-  const double outwards = outwards_[size_t(component)];
+  const double outwards = outwards_[size_t(component_of(vertex))];
   // Within the plane across the limb, so that relief does not lead rays to other sections.
   const Eigen::Vector3d normal = outwards * normals_.row(vertex).transpose();
   const Eigen::Vector3d n = (normal - axis * axis.dot(normal)).normalized();
@@ -114,12 +127,11 @@ SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double 
   for (size_t k = 0; k < kSectionRays; ++k) {
     const double cosine = std::cos(angles[k]);
     const Eigen::Vector3d direction = -cosine * n + std::sin(angles[k]) * across;
-    const PointOnTriangle point =
-        tree_.first_exit(p, direction, {beyond_, kReach * free_length, outwards},
-                         [&](int j) { return component_of(near_.triangles(j, 0)) == component; });
+    const PointOnTriangle point = exit(vertex, direction, free_length);
     if (k == 0 && point.triangle < 0) return sample;  // a sheet, or its relief, which is open below
     if (point.triangle < 0) continue;
-    const double distance = (point.position - p).norm(), share = share_at(distance, free_length);
+    const double distance = std::sqrt(point.squared_distance),
+                 share = share_at(distance, free_length);
     if (k == 0) opposite = share;
     sample.points[k] = point;
     sample.weights[k] = cosine / sum_of_cosines * std::min(opposite, share);

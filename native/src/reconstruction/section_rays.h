@@ -29,6 +29,8 @@ class SectionRays {
   SectionRays(const SectionRays&) = delete;  // the tree refers to the mesh
   SectionRays& operator=(const SectionRays&) = delete;
 
+  /// The distance of the opposite side along the normal; 0: there is none near the free length.
+  double thickness(int vertex, double free_length) const;
   /// axis: along the limb. free_length: the section counts as far as it is thin beside that.
   SectionSample from(int vertex, const Eigen::Vector3d& axis, double free_length) const;
   int component_of(int vertex) const { return components_.of_vertex[size_t(vertex)]; }
@@ -36,6 +38,7 @@ class SectionRays {
   const Mesh& mesh() const { return near_; }
 
  private:
+  PointOnTriangle exit(int vertex, const Eigen::Vector3d& direction, double free_length) const;
   /// The angle to the inward normal at which a ray leaves through the vertex' own triangles on a
   /// side of it, at most 90°.
   double angle_inside(int vertex, const Eigen::Vector3d& normal, const Eigen::Vector3d& side) const;
