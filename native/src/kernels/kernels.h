@@ -177,8 +177,8 @@ struct KernelsOf {
   void (*rotated_flux_pass)(int block_count, const RotatedFluxBlock<Real>* blocks,
                             const Real* quaternions, double* right_hand_side);
 
-  /// By row, R r − r of a vector r whose fourth value is 0: 2 (w (v × r) + v × (v × r)) / |q|², with
-  /// v and w the parts of a quaternion q of any length; 0 if q = 0.
+  /// By row, R r − r of a vector r whose fourth value is 0: 2 (w (v × r) + v × (v × r)) / |q|²,
+  /// with v and w the parts of a quaternion q of any length; 0 if q = 0.
   void (*turn_vectors)(int count, const Real* quaternions, const double* vectors, double* changes);
 
   /// By lane, of a triangle whose corners' arms change by their displacements, and whose centres

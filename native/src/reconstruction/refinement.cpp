@@ -35,9 +35,9 @@ struct PassSettings {
 // decides the rotations, and long arms amplify them to folds; with 0.3, 36 poses of public meshes
 // have 211 new intersecting pairs, with 0.6 124; with 1, limbs that are led aside lose volume.
 constexpr double kSmoothingOfArm = 0.6;
-// Rounds of averaging over sections in all iterations but the last. Tuned: 36 poses of public
-// meshes have 57 new intersecting pairs, with as many rounds as in the last one 73. With 1, a
-// tentacle that is led down keeps 1% less of its sections; without any, the survey's cactus
+// Rounds of averaging over sections in all iterations but the last. Tuned: with as many rounds as
+// in the last one, 36 poses of public meshes had 73 new intersecting pairs in place of 57. With 1,
+// a tentacle that is led down keeps 1% less of its sections; without any, the survey's cactus
 // stretches by .18.
 constexpr int kRoundsBetween = 2;
 
