@@ -6,9 +6,10 @@
 //   mesh_limbs FILE TIP HANDLE LENGTH [SPLITS]
 //
 // FILE: .off or .obj. TIP: a vertex. SPLITS: how often each triangle is split into four, as a
-// twist by several turns needs many rows of them. Over the surface, what is nearer to it than HANDLE is the
-// handle, what is farther than LENGTH is fixed, both as fractions of the box's diagonal. The limb
-// runs from the fixed part to the handle; its sections are the lines of equal distance to the tip.
+// twist by several turns needs many rows of them. Over the surface, what is nearer to the tip than
+// HANDLE is the handle, what is farther than LENGTH is fixed, both as fractions of the box's
+// diagonal. The limb runs from the fixed part to the handle; its sections are the lines of equal
+// distance to the tip.
 #include <algorithm>
 #include <array>
 #include <cstdio>
