@@ -24,7 +24,8 @@ struct SectionSample {
 /// Casts rays among the triangles of each vertex' own component.
 class SectionRays {
  public:
-  /// vertices: those from which rays will be cast. longest: the largest of their free lengths.
+  /// surface: must outlive this. vertices: those from which rays will be cast. longest: the largest
+  /// of their free lengths.
   SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices, double longest);
   SectionRays(const SectionRays&) = delete;  // the tree refers to the mesh
   SectionRays& operator=(const SectionRays&) = delete;
