@@ -287,7 +287,7 @@ TEST_CASE("a limb led within a plane by a handle that only places stays in it an
                 std::abs(p.middleRows(Index(ring) * limb.sides, limb.sides).col(0).mean()));
           // A ribbon's coarse level is not symmetric, nor are the planes of a flat limb's quads.
           const bool coarse = density == 3 && shape[0] < 0.1;
-          const double most = coarse ? 5e-4 : symmetric ? 1e-9 : shape[2] == 1.0 ? 2.5e-6 : 5e-5;
+          const double most = coarse ? 5e-4 : symmetric ? 1e-9 : shape[2] == 1.0 ? 2e-6 : 5e-5;
           CHECK(farthest < most * TaperedLimb::kLength);
         }
       }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 
 #include "mesh/triangles.h"
 #include "reconstruction/rotation_smoothing.h"
@@ -24,28 +25,33 @@ Positions limb_axes(const FactoredSurface& surface, const Eigen::VectorXd& thick
   const PoissonSystem& poisson = *surface.poisson;
   const Index count = poisson.active_vertex_count();
   // Of each active vertex the mean of n nᵀ over its faces: the first row; the rest of the upper
-  // triangle.
+  // triangle. By angles, which hardly depend on how quads are cut.
   using Tensors = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
   Tensors first = Tensors::Zero(count, 4), rest = first;
-  Eigen::VectorXd areas = Eigen::VectorXd::Zero(count);
+  Eigen::VectorXd angles = Eigen::VectorXd::Zero(count);
   for (const int j : surface.faces_with_free_corners()) {
-    const Eigen::Matrix3d frame = edges_and_normal(mesh.positions, mesh.triangles, j);
-    const auto n = frame.col(2);
-    const double area = frame.col(0).cross(frame.col(1)).norm();
-    for (const int v : mesh.triangles.row(j)) {
-      const int i = poisson.active_index_of_vertex(v);
+    const auto corners = mesh.triangles.row(j);
+    const Eigen::Vector3d n = edges_and_normal(mesh.positions, mesh.triangles, j).col(2);
+    for (int k = 0; k < 3; ++k) {
+      const int i = poisson.active_index_of_vertex(corners[k]);
       if (i < 0) continue;  // the active triangles may be others than the faces
-      areas[i] += area;
-      first.row(i) += area * Eigen::RowVector4d(n[0] * n[0], n[0] * n[1], n[0] * n[2], 0);
-      rest.row(i) += area * Eigen::RowVector4d(n[1] * n[1], n[1] * n[2], n[2] * n[2], 0);
+      const auto edge_to = [&](int other) -> Eigen::Vector3d {
+        return (mesh.positions.row(corners[other % 3]) - mesh.positions.row(corners[k]))
+            .transpose();
+      };
+      const Eigen::Vector3d a = edge_to(k + 1), b = edge_to(k + 2);
+      const double angle = std::atan2(a.cross(b).norm(), a.dot(b));
+      angles[i] += angle;
+      first.row(i) += angle * Eigen::RowVector4d(n[0] * n[0], n[0] * n[1], n[0] * n[2], 0);
+      rest.row(i) += angle * Eigen::RowVector4d(n[1] * n[1], n[1] * n[2], n[2] * n[2], 0);
     }
   }
   // (M / length² + L) T = M / length² T₀; at least the length of an edge.
   Eigen::VectorXd masses = surface.operators.masses;
   for (Index i = 0; i < count; ++i) {
-    if (areas[i] > 0) {
-      first.row(i) /= areas[i];
-      rest.row(i) /= areas[i];
+    if (angles[i] > 0) {
+      first.row(i) /= angles[i];
+      rest.row(i) /= angles[i];
     }
     const double length = kOfThickness * thicknesses[i];
     double& mass = masses[poisson.active_vertex(static_cast<int>(i))];

@@ -79,7 +79,7 @@ SectionRays::SectionRays(const FactoredSurface& surface, const std::vector<int>&
 
 double SectionRays::angle_inside(int vertex, const Eigen::Vector3d& normal,
                                  const Eigen::Vector3d& side) const {
-  const double outwards = outwards_[size_t(component_of(vertex))];
+  const double outwards = outwards_at(vertex);
   const Eigen::RowVector3d p = mesh_.positions.row(vertex);
   double least = kPi / 2;
   for (const int j : fans_.of(vertex)) {
@@ -97,23 +97,21 @@ PointOnTriangle SectionRays::exit(int vertex, const Eigen::Vector3d& direction,
                                   double free_length) const {
   const int component = component_of(vertex);
   return tree_.first_exit(near_.positions.row(vertex).transpose(), direction,
-                          {beyond_, kReach * free_length, outwards_[size_t(component)]},
+                          {beyond_, kReach * free_length, outwards_at(vertex)},
                           [&](int j) { return component_of(near_.triangles(j, 0)) == component; });
 }
 
 double SectionRays::thickness(int vertex, double free_length) const {
-  const double outwards = outwards_[size_t(component_of(vertex))];
   const PointOnTriangle opposite =
-      exit(vertex, -outwards * normals_.row(vertex).transpose(), free_length);
+      exit(vertex, -outwards_at(vertex) * normals_.row(vertex).transpose(), free_length);
   return opposite.triangle < 0 ? 0 : std::sqrt(opposite.squared_distance);
 }
 
 SectionSample SectionRays::from(int vertex, const Eigen::Vector3d& axis, double free_length) const {
   SectionSample sample;
   sample.to_centre.setZero();
-  const double outwards = outwards_[size_t(component_of(vertex))];
   // Within the plane across the limb, so that relief does not lead rays to other sections.
-  const Eigen::Vector3d normal = outwards * normals_.row(vertex).transpose();
+  const Eigen::Vector3d normal = outwards_at(vertex) * normals_.row(vertex).transpose();
   const Eigen::Vector3d n = (normal - axis * axis.dot(normal)).normalized();
   if (!(n.squaredNorm() > 0.5)) return sample;
   const Eigen::Vector3d across = n.cross(axis);

@@ -39,6 +39,8 @@ class SectionRays {
   const Mesh& mesh() const { return near_; }
 
  private:
+  /// 1, or -1 where the normals of the vertex' component point inwards.
+  double outwards_at(int vertex) const { return outwards_[size_t(component_of(vertex))]; }
   PointOnTriangle exit(int vertex, const Eigen::Vector3d& direction, double free_length) const;
   /// The angle to the inward normal at which a ray leaves through the vertex' own triangles on a
   /// side of it, at most 90°.
@@ -51,7 +53,7 @@ class SectionRays {
   AabbTree tree_;
   Positions normals_;  // of vertices, not normalized
   Components components_;
-  std::vector<double> outwards_;  // by component: 1, or -1 where its normals point inwards
+  std::vector<double> outwards_;  // by component
 };
 
 }  // namespace dd

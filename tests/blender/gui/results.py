@@ -177,7 +177,7 @@ def rendering():
     for lock in (False, True):
         scene.render.use_lock_interface = lock
         scene.render.filepath = str(OUT / f'lock_{lock}_')
-        for _ in range(40):  # until one of them met a drawing, which is a matter of luck
+        for _ in range(10):  # until one of them met a drawing, which is a matter of luck
             with in_view():
                 bpy.ops.render.render('INVOKE_DEFAULT', animation=True)
             yield from settle()
