@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
 
-#include "reconstruction/factored_surface.h"
+#include "reconstruction/sampled_sections.h"
 
 namespace dd {
 
@@ -46,15 +45,6 @@ struct CrossSections {
   /// Whether no vertex has another side.
   bool empty() const { return !(shares.array() > 0).any(); }
   double bytes() const;
-};
-
-/// The vertices of a surface whose sections are sampled.
-struct CrossSectionSamples {
-  const FactoredSurface& surface;  ///< which rays are cast in
-  const FactoredSurface& own;      ///< whose active vertices they are
-  std::vector<int> vertices;       ///< the same, as vertices of the surface
-  /// The sample that stands for an active vertex of the surface.
-  std::function<int(int active_index)> sample_of;
 };
 
 std::unique_ptr<CrossSections> find_cross_sections(const CrossSectionSamples& samples);

@@ -66,27 +66,26 @@ std::vector<double> outward_signs(const Mesh& mesh, const Components& components
 
 }  // namespace
 
-SectionRays::SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices,
-                         double longest)
-    : mesh_(surface.mesh),
-      fans_(surface.mesh.triangles, surface.mesh.vertex_count()),
-      beyond_(1e-6 * surface.active_size),
-      near_(triangles_near(surface.mesh, vertices, kReach * longest)),
+SectionRays::SectionRays(const FactoredSurface& surface, const Triangles& triangles,
+                         const std::vector<int>& vertices, double longest)
+    : beyond_(1e-6 * surface.active_size),
+      near_(triangles_near({surface.mesh.positions, triangles}, vertices, kReach * longest)),
+      fans_(near_.triangles, near_.vertex_count()),
       tree_(near_),
-      normals_(summed_normals(surface.mesh.positions, surface.mesh.triangles)),
+      normals_(summed_normals(near_.positions, near_.triangles)),
       components_(surface.mesh.triangles, surface.mesh.vertex_count()),
       outwards_(outward_signs(surface.mesh, components_)) {}
 
 double SectionRays::angle_inside(int vertex, const Eigen::Vector3d& normal,
                                  const Eigen::Vector3d& side) const {
   const double outwards = outwards_at(vertex);
-  const Eigen::RowVector3d p = mesh_.positions.row(vertex);
+  const Eigen::RowVector3d p = near_.positions.row(vertex);
   double least = kPi / 2;
   for (const int j : fans_.of(vertex)) {
     Eigen::RowVector3d to_corners = Eigen::RowVector3d::Zero();
-    for (const int v : mesh_.triangles.row(j)) to_corners += mesh_.positions.row(v) - p;
+    for (const int v : near_.triangles.row(j)) to_corners += near_.positions.row(v) - p;
     const Eigen::Vector3d own =
-        outwards * edges_and_normal(mesh_.positions, mesh_.triangles, j).col(2);
+        outwards * edges_and_normal(near_.positions, near_.triangles, j).col(2);
     if (to_corners.dot(side) > 0 && own.dot(side) > 0)
       least = std::min(least, std::max(0.0, std::atan2(own.dot(normal), own.dot(side))));
   }

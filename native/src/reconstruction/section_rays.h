@@ -18,15 +18,24 @@ struct SectionSample {
   std::array<PointOnTriangle, kSectionRays> points;  ///< triangle: of SectionRays::mesh(), or -1
   std::array<double, kSectionRays> weights{};        ///< of the points
   double share = 0;                                  ///< sum of the weights, in [0, 1]
-  Eigen::RowVector3d to_centre;                      ///< of the section, as on a circle
+  Eigen::RowVector3d to_centre;  ///< of the section, as on a circle, times the share
+
+  /// All of it counts by a factor.
+  SectionSample& operator*=(double factor) {
+    for (double& weight : weights) weight *= factor;
+    share *= factor;
+    to_centre *= factor;
+    return *this;
+  }
 };
 
 /// Casts rays among the triangles of each vertex' own component.
 class SectionRays {
  public:
-  /// surface: must outlive this. vertices: those from which rays will be cast. longest: the largest
-  /// of their free lengths.
-  SectionRays(const FactoredSurface& surface, const std::vector<int>& vertices, double longest);
+  /// triangles: those that rays meet, of the surface's vertices. vertices: those from which rays
+  /// will be cast, corners of them. longest: the largest of their free lengths.
+  SectionRays(const FactoredSurface& surface, const Triangles& triangles,
+              const std::vector<int>& vertices, double longest);
   SectionRays(const SectionRays&) = delete;  // the tree refers to the mesh
   SectionRays& operator=(const SectionRays&) = delete;
 
@@ -35,7 +44,7 @@ class SectionRays {
   /// axis: along the limb. free_length: the section counts as far as it is thin beside that.
   SectionSample from(int vertex, const Eigen::Vector3d& axis, double free_length) const;
   int component_of(int vertex) const { return components_.of_vertex[size_t(vertex)]; }
-  /// The surface with those of its triangles that rays can reach.
+  /// The triangles that rays can reach.
   const Mesh& mesh() const { return near_; }
 
  private:
@@ -46,13 +55,12 @@ class SectionRays {
   /// side of it, at most 90°.
   double angle_inside(int vertex, const Eigen::Vector3d& normal, const Eigen::Vector3d& side) const;
 
-  const Mesh& mesh_;
-  VertexTriangles fans_;
   double beyond_;  // least distance of a side
   Mesh near_;
+  VertexTriangles fans_;
   AabbTree tree_;
-  Positions normals_;  // of vertices, not normalized
-  Components components_;
+  Positions normals_;             // of vertices, not normalized
+  Components components_;         // of the surface
   std::vector<double> outwards_;  // by component
 };
 
