@@ -67,17 +67,20 @@ void measure_limb(const std::string& name, const TaperedLimb& limb, double solid
   one_thread.threads = 1;
   one_thread.precision = dd::Precision::single;  // the library's default
   std::optional<dd::Deformer> bound;
-  const double bind = milliseconds([&] { bound.emplace(limb.mesh, limb.roles, 1, one_thread); });
-  dd::Deformer& deformer = *bound;
   dd::UpdateOptions options;
   options.of_method.refined.iterations = 4;
   options.of_method.refined.rim_smoothing = 0.05;
   options.of_method.refined.solidity = solidity;
-  const double first =
-      milliseconds([&] { deformer.update(motions().front().matrix.data(), options); });
+  std::vector<double> binds, firsts;
+  for (int round = 0; round < 5; ++round) {
+    binds.push_back(milliseconds([&] { bound.emplace(limb.mesh, limb.roles, 1, one_thread); }));
+    firsts.push_back(
+        milliseconds([&] { bound->update(motions().front().matrix.data(), options); }));
+  }
+  dd::Deformer& deformer = *bound;
   std::printf("%s, %d vertices, solidity %g: bind %.1f ms, first update %.1f ms, %.1f MB\n",
-              name.c_str(), limb.mesh.vertex_count(), solidity, bind, first,
-              1e-6 * deformer.bytes());
+              name.c_str(), limb.mesh.vertex_count(), solidity, dd::bench::median(binds),
+              dd::bench::median(firsts), 1e-6 * deformer.bytes());
   for (const Motion& motion : motions()) {
     options.turns.assign(motion.turn.data(), motion.turn.data() + 3);
     std::vector<double> times;

@@ -46,6 +46,9 @@ void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms)
   if (arms.empty()) return;
   const PoissonSystem& poisson = *surface_.poisson;
   const ActiveTriangles& active = poisson.active();
+  const size_t most = active.triangles.size() + size_t(kLanes * active.sections());
+  blocks_.reserve(most / kLanes);
+  triangles_.reserve(most);
   Eigen::Matrix3d of_corners, arms_of_corners, arms_at_rest;
   for (int section = 0; section < active.sections(); ++section) {
     begin_.push_back(static_cast<int>(blocks_.size()));
@@ -65,19 +68,17 @@ void FoldLimits<Real>::take(const Rows& positions, const CrossSectionArms& arms)
                                 .cross(of_corners.col(2) - of_corners.col(0))
                                 .squaredNorm() > 0;
       if (arms_of_corners.isZero(0) || !has_area) continue;
-      if (lane == 0) {
-        blocks_.emplace_back();
-        for (int unused = 0; unused < kLanes; ++unused) {
-          fill(blocks_.back(), unused, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero(),
-               Eigen::Matrix3d::Zero());
-          for (auto& row : blocks_.back().corner) row[unused] = 0;
-        }
-        triangles_.resize(kLanes * blocks_.size(), -1);
-      }
+      if (lane == 0) blocks_.emplace_back();
       for (int k = 0; k < 3; ++k) blocks_.back().corner[k][lane] = corner[size_t(k)];
       fill(blocks_.back(), lane, of_corners, arms_of_corners, arms_at_rest);
-      triangles_[triangles_.size() - kLanes + size_t(lane)] = triangle;
+      triangles_.push_back(triangle);
       lane = (lane + 1) % kLanes;
+    }
+    for (; lane > 0; lane = (lane + 1) % kLanes) {
+      for (auto& row : blocks_.back().corner) row[lane] = 0;
+      fill(blocks_.back(), lane, Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero(),
+           Eigen::Matrix3d::Zero());
+      triangles_.push_back(-1);
     }
   }
   begin_.push_back(static_cast<int>(blocks_.size()));

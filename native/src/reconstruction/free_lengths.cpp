@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <queue>
 #include <tuple>
 #include <utility>
@@ -18,16 +19,25 @@ FreeLengths free_lengths(const FactoredSurface& surface) {
     int index;
     double length;
   };
-  std::vector<std::vector<Neighbour>> neighbours(static_cast<size_t>(count));
+  // Neighbours of vertex i: from begin[i] to begin[i + 1], twice where two faces meet.
+  std::vector<int> begin(size_t(count) + 1, 0);
+  std::vector<std::tuple<int, int, double>> edges;
   for (int j : surface.faces_with_free_corners())
     for (int k = 0; k < 3; ++k) {
       const int v = mesh.triangles(j, k), w = mesh.triangles(j, (k + 1) % 3);
       const int a = poisson.active_index_of_vertex(v), b = poisson.active_index_of_vertex(w);
       if (a < 0 || b < 0) continue;
-      const double length = (mesh.positions.row(v) - mesh.positions.row(w)).norm();
-      neighbours[size_t(a)].push_back({b, length});
-      neighbours[size_t(b)].push_back({a, length});
+      edges.emplace_back(a, b, (mesh.positions.row(v) - mesh.positions.row(w)).norm());
+      ++begin[size_t(a) + 1];
+      ++begin[size_t(b) + 1];
     }
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<Neighbour> neighbours(2 * edges.size());
+  std::vector<int> next = begin;
+  for (const auto& [a, b, length] : edges) {
+    neighbours[size_t(next[size_t(a)]++)] = {b, length};
+    neighbours[size_t(next[size_t(b)]++)] = {a, length};
+  }
   // Dijkstra's algorithm with two labels: each vertex is reached from the nearest role and from the
   // nearest other one.
   struct Label {
@@ -59,8 +69,8 @@ FreeLengths free_lengths(const FactoredSurface& surface) {
     const auto [distance, role, index] = front.top();
     front.pop();
     if (distance > labels[size_t(index)].of(role)) continue;  // a nearer way was found since
-    for (const Neighbour& next : neighbours[size_t(index)])
-      reach(next.index, {distance + next.length, role});
+    for (int n = begin[size_t(index)]; n < begin[size_t(index) + 1]; ++n)
+      reach(neighbours[size_t(n)].index, {distance + neighbours[size_t(n)].length, role});
   }
   FreeLengths found{Eigen::VectorXd::Zero(count), Eigen::VectorXd::Zero(count)};
   for (int i = 0; i < count; ++i) {
