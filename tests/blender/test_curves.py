@@ -243,6 +243,24 @@ def test_hooks_move_a_hidden_curve(straight):
     assert np.abs(evaluated(ob) - own(ob) - up)[chosen].max() < 1e-5
 
 
+@pytest.mark.parametrize('kind', ['HOOK', 'SHRINKWRAP', 'place'])
+def test_a_curve_that_goes_by_its_own_mesh_is_said(limb, kind):
+    ob, curve, _ = limb
+    assert "goes by vertices of this mesh" not in ob.detail_deform.status
+    if kind == 'HOOK':
+        follower = add_empty("Follower", (0, 0, 0))
+        follower.parent, follower.parent_type, follower.parent_vertices = ob, 'VERTEX', (5, 0, 0)
+        curve.modifiers.new("Mine", kind).object = follower
+    elif kind == 'SHRINKWRAP':
+        curve.modifiers.new("Mine", kind).target = ob
+    else:
+        curve.constraints.new('SHRINKWRAP').target = ob
+    update()
+    reason = "constraint 'Shrinkwrap'" if kind == 'place' else "modifier 'Mine'"
+    assert (f"The curve of handle '{ob.detail_deform.handles[-1].name}' goes by vertices of this mesh "
+            f"({reason} of '{curve.name}')") in ob.detail_deform.status
+
+
 def test_it_goes_back_to_rest(limb):
     ob, curve, _ = limb
     before = along(ob, curve)

@@ -54,6 +54,21 @@ bool invertible(const Matrix& matrix) {
   return linear.determinant() > 1e-6 * std::pow(linear.norm(), 3);
 }
 
+/// Of the vertices, or mostly empty. Read aside.
+std::vector<float> any_stiffness(const Surface& surface, Bytes& bytes) {
+  const int kind = bytes.aside(8);
+  if (kind < 6) return {};
+  const int steps = 1 + bytes.aside(8);
+  std::vector<float> weights;
+  for (size_t v = 0; v < surface.vertex_count(); ++v)
+    weights.push_back(kind == 6 ? float(v % size_t(steps + 1)) / float(steps)
+                                : float(8 * v < size_t(steps) * surface.vertex_count()));
+  if (!bytes.tame() && bytes.aside(8) == 7) weights.push_back(1);  // one too many
+  if (!bytes.tame() && !weights.empty() && bytes.aside(8) == 7)
+    weights.front() = bytes.aside(2) ? 2.0f : std::numeric_limits<float>::quiet_NaN();
+  return weights;
+}
+
 }  // namespace
 
 Bind any_bind(Bytes& bytes) {
@@ -99,6 +114,11 @@ Bind any_bind(Bytes& bytes) {
     bind.given_examples.shrink_to_fit();  // sanitizers see reads beyond the end
     options.examples = bytes.pointer(bind.given_examples.data());
     options.example_count = bind.given_examples.size();
+  }
+  bind.stiffness = any_stiffness(surface, bytes);
+  if (!bind.stiffness.empty()) {
+    options.stiffness = bind.stiffness.data();
+    options.stiffness_count = bind.stiffness.size();
   }
   if (!bytes.odd(32)) bind.given = std::make_shared<Sized<dd_bind_options>>(options, bytes);
   options = bind.given ? bind.given->known() : usual<dd_bind_options>();
@@ -153,6 +173,10 @@ dd_refinement_options any_refinement(Bytes& bytes) {
   options.iterations = bytes.one_in(2) ? bytes.choice(5) : 0;
   // An invalid number must be beyond the limit: any smaller one would take long.
   if (options.iterations > 10) options.iterations = 20000;
+  if (const int kind = bytes.aside(8); kind >= 5) {
+    const double solidities[] = {0, 0.4, bytes.tame() ? 1 : 1.5};
+    options.solidity = solidities[kind - 5];
+  }
   return options;
 }
 

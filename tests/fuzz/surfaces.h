@@ -17,6 +17,7 @@ struct Bind {
   std::vector<int32_t> base_triangles;
   std::vector<Points> examples;
   std::vector<dd_points> given_examples;
+  std::vector<float> stiffness;
   /// The options as the library reads them, and as they are passed: null, or of another size.
   dd_bind_options options{};
   std::shared_ptr<Sized<dd_bind_options>> given;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The C ABI where an allocation or a thread start fails: it returns a status and a message, leaves
 // outputs untouched and no memory behind, and the next call gives the right result.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -55,6 +56,14 @@ Floats turned(const Floats& positions) {
     result[k + 1] = 1.2f * positions[k + 1];
   }
   return result;
+}
+
+/// 1 for the vertices on one side, .5 next to the middle.
+Floats stiff_side(const Surface& surface) {
+  Floats weights;
+  for (size_t k = 0; k < surface.positions.size(); k += 3)
+    weights.push_back(std::clamp(0.5f + 2 * surface.positions[k], 0.0f, 1.0f));
+  return weights;
 }
 
 constexpr double kLift[12] = {0.9, 0.1, 0, 0, -0.1, 0.9, 0, 0, 0, 0, 1, 0.3};
@@ -157,6 +166,11 @@ std::vector<Work> works() {
   all.push_back(bound("bind on a smoothed surface", how));
 
   all.push_back(updated("transfer, refined", update_options(DD_METHOD_DETAIL, 2)));
+  static const Floats stiff = stiff_side(ball());
+  how = bind_options(2);
+  how.stiffness = stiff.data();
+  how.stiffness_count = stiff.size();
+  all.push_back(updated("stiff parts", update_options(DD_METHOD_DETAIL, 2), how));
   for (int formulation : {1, 2}) {
     dd_update_options fourth = update_options(DD_METHOD_DETAIL);
     fourth.formulation = static_cast<dd_formulation>(formulation);

@@ -14,6 +14,7 @@
 #include "match/registration.h"
 #include "match/triangle_match.h"
 #include "support/thread_pool.h"
+#include "tapered_limb.h"
 
 using namespace dd;
 using test::Affine;
@@ -57,6 +58,23 @@ TEST_CASE("the number of threads changes no refinement, whose parts are made at 
       return test::surface(*bound(6, threads, side), {turn(0.4)}, test::usual());
     };
     CHECK(refined(1) == refined(3));
+  }
+}
+
+TEST_CASE("the number of threads changes neither solid limbs nor stiff parts", "[threads]") {
+  for (const int density : {1, 3}) {  // with 15,122 vertices on a coarse surface
+    const test::TaperedLimb limb(0.5, 0.3, 1, density, 0.08);
+    const auto twisted = [&](int threads) {
+      BindOptions options;
+      options.threads = threads;
+      options.stiffness = (limb.mesh.positions.col(2).array() > 2.4).cast<float>();
+      Deformer deformer(limb.mesh, limb.roles, 1, options);
+      UpdateOptions update = test::usual();
+      update.turns = {0, 0, 2};
+      update.free = {1};
+      return test::surface(deformer, {test::TaperedLimb::twist(2 * 180 / kPi)}, update);
+    };
+    CHECK(twisted(1) == twisted(3));
   }
 }
 

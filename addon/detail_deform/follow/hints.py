@@ -125,12 +125,16 @@ def _of_examples(ob, region, border):
 
 
 def goes_by_its_mesh(ob):
-    """(name, reason) of a handle whose empty depends on vertices that it moves (a feedback loop), or None."""
+    """(which, reason) of an empty or curve that depends on vertices that it moves (a feedback loop), or None."""
     search = feedback.FeedbackSearch(ob)
     for handle in with_empties(ob.detail_deform):
-        why = handle.target and search.through_transform(handle.target)
+        if handle.target is None:
+            continue
+        what, why = 'empty', search.through_transform(handle.target)
+        if handle.target.type == 'CURVE':
+            what, why = 'curve', why or search.through_shape(handle.target)
         if why:
-            return handle.name, why
+            return f"{what} of handle '{handle.name}'", why
     return None
 
 

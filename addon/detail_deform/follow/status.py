@@ -188,9 +188,8 @@ def _remarks(ob, info):
     yield from hints.of_region(ob)
     hanging = hints.goes_by_its_mesh(ob)
     if hanging:
-        yield (f"The empty of handle '{hanging[0]}' goes by vertices of this mesh ({hanging[1]}), and runs after "
-               "itself where they follow it: a frame depends on how often it was updated. Let the empty go by the "
-               "object, or by something else.")
+        yield (f"The {hanging[0]} goes by vertices of this mesh ({hanging[1]}), and runs after itself where they "
+               "follow it: a frame depends on how often it was updated. Let it go by the object, or by something else.")
     gone = hints.gone_empties(ob, bpy.context.view_layer.depsgraph)
     if gone:
         yield (f"These handles have lost their empties, which were deleted or left behind, so what they hold stays "

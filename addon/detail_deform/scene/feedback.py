@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Detects feedback loops: an empty whose place depends on the surface that it moves is moved on by each update."""
+"""Detects feedback loops: an empty whose place depends on the surface that it moves is moved on by each update, and so
+is a curve that takes its shape from it."""
 
 _VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 
@@ -26,6 +27,11 @@ class FeedbackSearch:
         bones = other.pose.bones if other.pose else ()
         return (self._through_parent(other) or self._through_constraints(other, other.constraints)
                 or next(filter(None, (self._through_constraints(other, bone.constraints) for bone in bones)), ""))
+
+    def through_shape(self, curve):
+        """The same for the shape of a curve, by its modifiers."""
+        return next((f"modifier '{modifier.name}' of '{curve.name}'" for modifier in curve.modifiers
+                     if self._uses_mesh(modifier)), "")
 
     def _through_parent(self, other):
         if other.parent is None:
@@ -63,10 +69,10 @@ class FeedbackSearch:
             followed = settings.base_object
         if followed is not None and self._depends_on_mesh(followed):
             return True
-        for modifier in other.modifiers:
-            for prop in modifier.bl_rna.properties:
-                if prop.type == 'POINTER':
-                    used = getattr(modifier, prop.identifier)
-                    if hasattr(used, 'modifiers') and (self._depends_on_mesh(used) or self.through_transform(used)):
-                        return True
-        return False
+        return any(self._uses_mesh(modifier) for modifier in other.modifiers)
+
+    def _uses_mesh(self, modifier):
+        """Whether an object that a modifier refers to depends on the vertices of the mesh."""
+        used = [getattr(modifier, prop.identifier) for prop in modifier.bl_rna.properties if prop.type == 'POINTER']
+        return any(hasattr(other, 'modifiers') and bool(self._depends_on_mesh(other) or self.through_transform(other))
+                   for other in used)
