@@ -1,29 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Limbs beside Blender's own tools: limbs_beside.jpg beside this file.
 
-    blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_limbs_beside.py
+    xvfb-run -a blender --factory-startup --python tests/figures/make_limbs_beside.py
 
 A tentacle bent by 120°, twisted by 360°, and its tip led down, by columns; by rows Detail Deform, an armature of six
-bones with automatic weights and Preserve Volume, Simple Deform (which leads nothing), and Laplacian Deform. Needs a
-release build; takes a minute.
+bones with automatic weights and Preserve Volume, Simple Deform (which leads nothing), Laplacian Deform, and Sculpt
+Mode's brush Pose, which needs a window. Needs a release build; takes a minute.
 """
+import os
 import sys
+import traceback
 from math import pi, radians
 from pathlib import Path
 
 import bpy
 import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Matrix, Vector
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1] / "addon")]
 
 import detail_deform  # noqa: E402
+import manual_window  # noqa: E402
 import shapes  # noqa: E402
 import studio  # noqa: E402
 
 LENGTH, ROOT, TIP = shapes.LIMB_LENGTH, 0.1, 0.9  # the latter two: fractions of the length that are held
 BONES = 6
+RINGS, SIDES = 121, 64  # as shapes.limb() has them
 SIZE = (360, 420)
 BENT, TWISTED, LED = Matrix.Rotation(radians(120), 4, 'Y'), 2 * pi, Vector((0.7 * LENGTH, 0, -0.7 * LENGTH))
 PIVOT = Vector((0.76, 0, 0.5 * LENGTH))
@@ -120,22 +125,86 @@ def by_laplacian_deform(ob, pose):
     move(empty, pose)
 
 
-def main():
+def by_pose_brush(ob, pose):
+    """One stroke from the tip, with as many segments as the armature has bones. With Ctrl it twists, so far by the
+    pixel in the view's plane."""
+    full_turn = 636
+    with manual_window.in_area('VIEW_3D'):
+        bpy.ops.view3d.view_axis(type='FRONT')
+        bpy.ops.view3d.view_all()
+    yield from manual_window.settle()
+    with manual_window.in_area('VIEW_3D'):
+        bpy.ops.object.mode_set(mode='SCULPT')
+        bpy.ops.wm.tool_set_by_id(name='builtin_brush.Pose')
+    yield from manual_window.settle()
+    tools = bpy.context.scene.tool_settings
+    tools.sculpt.brush.pose_ik_segments, tools.sculpt.brush.pose_smooth_iterations = BONES, 100
+    tools.unified_paint_settings.size = 40
+    tip = Vector((0, -0.05, 0.97 * LENGTH))
+    end = tip + LED if pose == 'LED' else PIVOT + BENT @ (tip - PIVOT)
+    with manual_window.in_area('VIEW_3D'):
+        region, view = bpy.context.region, bpy.context.space_data.region_3d
+        begins, ends = (location_3d_to_region_2d(region, view, place) for place in (tip, end))
+        if pose == 'TWISTED':
+            ends = begins + Vector((full_turn, 0))
+        stroke = [{'name': "", 'location': tip.lerp(end, share), 'mouse': begins.lerp(ends, share),
+                   'mouse_event': begins.lerp(ends, share), 'pressure': 1, 'size': 40, 'pen_flip': False, 'x_tilt': 0,
+                   'y_tilt': 0, 'time': share, 'is_start': share == 0} for share in np.linspace(0, 1, 40).tolist()]
+        bpy.ops.sculpt.brush_stroke(stroke=stroke, mode='INVERT' if pose == 'TWISTED' else 'NORMAL')
+        bpy.ops.object.mode_set(mode='OBJECT')
+
+
+def least_section(ob):
+    """The least area of a ring's polygon over that at rest."""
+    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    areas = []
+    for source in (mesh, None):
+        points = shapes.limb(0.5, 0.06, 0.06)[0] if source is None else np.array([v.co for v in source.vertices])
+        rings = points[:RINGS * SIDES].reshape(RINGS, SIDES, 3)
+        rings = rings - rings.mean(axis=1, keepdims=True)
+        areas.append(np.linalg.norm(np.cross(rings, np.roll(rings, -1, axis=1)).sum(axis=1), axis=1))
+    return (areas[0] / areas[1]).min()
+
+
+def pictures():
+    """Yields the seconds to wait before going on, in which Blender handles its events."""
     detail_deform.register()
+    yield 0.1
     rows = []
-    for tool in (by_detail_deform, by_armature, by_simple_deform, by_laplacian_deform):
+    for tool in (by_detail_deform, by_armature, by_simple_deform, by_laplacian_deform, by_pose_brush):
         row = []
         for pose in ('BENT', 'TWISTED', 'LED'):
-            bpy.ops.wm.read_factory_settings(use_empty=True)
             studio.prepare_limbs()
+            yield from manual_window.settle()
             ob = limb()
-            if tool(ob, pose) is False:
+            if tool is by_pose_brush:
+                yield from by_pose_brush(ob, pose)
+            elif tool(ob, pose) is False:
                 bpy.data.objects.remove(ob)
+                ob = None
             bpy.context.view_layer.update()
+            if ob:
+                print(f"{tool.__name__}, {pose}: least section {least_section(ob):.2f}", flush=True)
             studio.look((1.3, -6.6, 2.9), (1.3, 0, 1.95), 45)
-            row.append(studio.on_paper(studio.picture(SIZE)))
+            with manual_window.in_area('VIEW_3D'):
+                row.append(studio.on_paper(studio.picture(SIZE)))
         rows.append(row)
     studio.save(studio.sheet(rows), HERE / "limbs_beside.jpg")
+
+
+def main():
+    steps = pictures()
+
+    def go_on():
+        try:
+            return next(steps)
+        except StopIteration:
+            os._exit(0)
+        except Exception:
+            traceback.print_exc()
+            os._exit(1)
+
+    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
 
 
 main()
