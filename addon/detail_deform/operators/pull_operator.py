@@ -49,12 +49,13 @@ class PullOperator(MeshOperator):
     def poll_object(cls, ob):
         return cls.in_edit_mode(ob)
 
-    def pull_at_once(self, context, ob, message, **options):
-        """Pulls without interaction. message: what to do next. options: those of pulling.Pull."""
+    def pull_at_once(self, context, ob, message, wait=True, **options):
+        """Pulls without interaction. message: what to do next. wait: until it is bound. options: those of
+        pulling.Pull."""
         _check_mode(ob)
         pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff, **options)
         # A repeat binds in the background: a slider of Adjust Last Operation must not block the window.
-        for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
+        for _ in pull.stages(wait=bpy.app.background or wait and not self.options.is_repeat):
             pass
         self.finished(context, ob, pull, message)
 
@@ -198,10 +199,17 @@ class OBJECT_OT_detail_deform_pull_curve(PullOperator, bpy.types.Operator):
     radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
     falloff: EnumProperty(**FALLOFF)
 
+    _is_invoked = False
+
+    def invoke(self, context, event):
+        self._is_invoked = True
+        return self.execute(context)
+
     def run(self, context, ob):
         # Edit Mode is left to the user: what is undone there goes back to the last step that was taken outside of it.
         message = "Press Tab, then move the curve's points (G), tilt (Ctrl+T) or scale (Alt+S) them"
-        self.pull_at_once(context, ob, message, curve_points=self.points)
+        # Called by a person, it binds in the background, as Bind does.
+        self.pull_at_once(context, ob, message, wait=not self._is_invoked, curve_points=self.points)
 
 
 def _check_mode(ob):

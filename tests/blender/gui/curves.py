@@ -54,7 +54,8 @@ def by_curve():
         bpy.ops.object.detail_deform_pull_curve('INVOKE_DEFAULT')
     yield from settle()
     curve = bpy.context.active_object
-    check("its curve is active, and it is bound", curve.type == 'CURVE' and surface()[0].detail_deform.is_bound)
+    check("its curve is active", curve.type == 'CURVE')
+    yield from expect("and it is bound in the background", lambda: surface()[0].detail_deform.is_bound)
     choose(curve, -1)
     point_at('VIEW_3D')
     xdotool('key', 'Tab')
