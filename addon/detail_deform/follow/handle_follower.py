@@ -143,7 +143,7 @@ def begin(subject, signature, found, options, welded):
     """Starts to bind, and returns the job. found: roles.Roles. welded: the object's split.WeldedMesh."""
     triangles = mesh_data.triangles(subject.mesh)
     hung = roles.hung(subject.mesh, found.of_all, triangles)
-    written_offsets.know(subject, signature, welded, triangles, hung)
+    written_offsets.know(subject, signature, welded, triangles, hung, found.of_all)
     of_all = options | {name: subject.space.to(options[name]) for name in ('examples', 'base') if name in options}
     if 'stiffness' in options:
         of_all['stiffness'] = welded.largest(options['stiffness'])
@@ -231,7 +231,7 @@ class Frame:
         self._transforms = None if of.base == 'OBJECT' else transforms[subject.own]
         arguments, self._soft_border = update_options.arguments(of), update_options.soft_border(of)
         self.key = (of.signature, self._motions.tobytes(), arguments.copy(), subject.are_free.tobytes(),
-                    mirror_plane.signature(subject.ob), self._soft_border)
+                    mirror_plane.signature(subject.ob), self._soft_border, update_options.loose_parts(of))
         self._arguments = with_free(arguments, subject)
         if of.base == 'OBJECT':
             self._base = subject.space.to(outside_base.deformed_positions(subject.ob, subject.depsgraph))

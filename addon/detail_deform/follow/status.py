@@ -5,8 +5,9 @@ import bpy
 
 from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, examples, offset_attribute, posers,
                      proportions, stack)
+from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
-from . import frame_results, handle_follower, hints, messages, slow_results, update_options
+from . import frame_results, handle_follower, hints, messages, slow_results, update_options, written_offsets
 
 
 # Ratio of the largest to the smallest change of scale since Bind, among all directions: the factor by which a turn of
@@ -105,6 +106,34 @@ def _summary(settings, info):
             f"{' it' if len(movers) == 1 and len(handles) < 2 else ''}.")
 
 
+def _loose_parts(ob, info):
+    """Generator of sentences: which loose parts ride along, and which stay."""
+    try:
+        riding = written_offsets.riding_of(Subject(ob))
+    except MeshProblem:
+        return  # a group is gone: the next update says so
+    parts, vertices, example = info.resting_component_count, info.resting_count, info.resting_example
+    loose, loose_example, why = info.loose_count, info.loose_example, ""
+    if riding is not None:
+        counts, why = riding.counts, ", and no larger surface is near"
+        if counts.rigid + counts.bending:
+            bend = f" ({counts.bending:,} of them bend with it)" if counts.bending else ""
+            yield (f"{_count(counts.rigid + counts.bending, 'loose part rides', 'loose parts ride')} along with what "
+                   f"is beneath{bend}.")
+        # With reaches nothing is counted: what no edges connect with a handle is expected to stay.
+        if vertices:
+            parts, vertices, example = counts.staying, counts.staying_vertices, counts.staying_example
+        if loose:
+            loose, loose_example = counts.loose, counts.loose_example
+    if parts:
+        yield (f"{_count(parts, 'loose part', 'loose parts')} of the region ({_count(vertices, 'vertex', 'vertices')}, "
+               f"such as vertex {example}) {'stays' if parts == 1 else 'stay'} at rest: no handle is on "
+               f"{'it' if parts == 1 else 'them'}{why}.")
+    if loose:
+        yield (f"{_count(loose, 'vertex', 'vertices')} without faces (such as vertex {loose_example}) "
+               f"{'stays' if loose == 1 else 'stay'} at rest.")
+
+
 def _shown_slow(ob):
     """Generator of sentences: whether the quick or the slow result is shown, and how exact the slow one is."""
     settings = ob.detail_deform
@@ -149,14 +178,7 @@ def _remarks(ob, info):
                "sheared: press Re-bind.")
     yield from filter(None, (ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob),
                              stack.why_misplaced(ob)))
-    if info.resting_count:
-        yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
-               f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
-               f"{info.resting_example}) {'stays' if info.resting_component_count == 1 else 'stay'} at rest: "
-               f"no handle is on {'it' if info.resting_component_count == 1 else 'them'}.")
-    if info.loose_count:
-        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
-               f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
+    yield from _loose_parts(ob, info)
     if info.proxy_vertex_count and ob.detail_deform.base_object:
         yield (f"'{ob.detail_deform.base_object.name}' is no copy of this mesh: each vertex follows the nearest point "
                "of it.")

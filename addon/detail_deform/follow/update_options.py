@@ -61,6 +61,11 @@ def soft_border(settings):
     return settings.soft_border
 
 
+def loose_parts(settings):
+    """How loose parts ride along; with a base object, which carries them, they do not."""
+    return settings.loose_parts if settings.base == 'COMPUTED' else 'STAY'
+
+
 def knows_whole_turns(settings):
     """Whether a handle's whole turns make a difference."""
     return steps(settings) > 1 or settings.base_deformer != 'LINEAR'

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Converts the offsets that the library computes to those that are written to a mesh: with a soft border, copied to
-split vertices, continued to vertices in no face, relative to the mesh's own vertices, and with closed mirror seams."""
+loose parts, split vertices and vertices in no face, relative to the mesh's own vertices, and with closed mirror
+seams."""
 
 import numpy as np
 
 from .. import session
-from ..scene import loose, mesh_data, mirror_plane, soft_border, split, start
+from ..scene import loose, mesh_data, mirror_plane, riding, soft_border, split, start
 from . import registry, roles, update_options
 
 # Entries that each memo below keeps: at least _LEAST, and _EACH for each follower: its present content, and the
@@ -22,6 +23,7 @@ _seams = _memo()  # mirror_plane.Seams
 _fractions = _memo()  # of soft_border.border_fractions
 _welded = _memo()  # split.WeldedMesh
 _hanging = _memo()  # _Hanging
+_riding = _memo()  # riding.RidingParts, by the signature and the setting
 _closings = _memo()  # Closing, by the signature of the transfer
 
 
@@ -33,10 +35,33 @@ def offsets(subject, computed, has_faded):
     if width and not has_faded:
         fractions = _fractions.of(signature, lambda: soft_border.border_fractions_of(ob, roles.of(subject).of_all))
         computed = computed * np.repeat(soft_border.fade_weights(fractions, width), 3)
+    riding_parts = riding_of(subject)
+    if riding_parts:
+        computed = riding_parts.placed(computed)
     computed = _welded.of(signature, lambda: split.WeldedMesh(ob)).spread(computed)
     computed = _hanging.of(signature, lambda: _find_hanging(subject), lambda hanging: hanging.fits(ob)).placed(computed)
     computed = subject.space.back(computed.reshape(-1, 3)).ravel()
     return _closed(subject, start.with_previous_offsets(subject.mesh, computed))
+
+
+def riding_of(subject):
+    """The riding.RidingParts of a bound object; None if its loose parts stay."""
+    how, signature = update_options.loose_parts(subject.settings), subject.settings.signature
+    if how == 'STAY':
+        return None
+    return _riding.of((signature, how), lambda: _find_riding(subject, how))
+
+
+def _find_riding(subject, how):
+    welded = _welded.of(subject.settings.signature, lambda: split.WeldedMesh(subject.ob))
+    return _riding_parts(subject, welded, mesh_data.triangles(subject.mesh), roles.of(subject).of_all, how)
+
+
+def _riding_parts(subject, welded, triangles, of_all, how):
+    edges, everything = mesh_data.edges(subject.mesh), np.arange(len(of_all))
+    return riding.RidingParts(subject.space.to(start.shape(subject.ob)), welded.representatives(triangles),
+                              welded.representatives(edges), of_all, welded.representatives(everything) != everything,
+                              how)
 
 
 def followed(ob, made_for, computed):
@@ -65,9 +90,13 @@ def _closed(subject, result):
                      lambda seams: seams.signature == key).closed(result)
 
 
-def know(subject, signature, welded, triangles, hung):
-    """Caches what a bind has read of the mesh, so that the first frame needn't. hung: (n,) bool, of roles.hung."""
+def know(subject, signature, welded, triangles, hung, of_all):
+    """Caches what a bind has read of the mesh, so that the first frame needn't. hung: (n,) bool, of roles.hung. of_all:
+    (n,), the roles."""
     _welded.of(signature, lambda: welded)
+    how = update_options.loose_parts(subject.settings)
+    if how != 'STAY':
+        _riding.of((signature, how), lambda: _riding_parts(subject, welded, triangles, of_all, how))
     _hanging.of(signature, lambda: _Hanging(subject, triangles, hung), lambda hanging: hanging.fits(subject.ob))
 
 

@@ -118,6 +118,11 @@ PLACINGS = (
     ('DISPLACEMENTS', "Displacements",
      "Each vertex goes as far as the source does there and the same way: for shape keys of heads that belong to one "
      "family. Poses that turn limbs are better carried over by As the Source"))
+LOOSE_PARTS = (
+    ('AUTO', "Ride Along", "Small ones keep their shape, as plates, horns and eyes do; large ones, as clothes, bend"),
+    ('RIGID', "Ride Rigidly", "All keep their shape"),
+    ('BEND', "Bend Along", "All bend with what is beneath them"),
+    ('STAY', "Stay", "Nothing moves but what is connected with a handle"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
      "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "
@@ -310,6 +315,9 @@ SETTINGS = (
            "Let the deformation fade towards the region's border, over this share of the way from there to the "
            "handles. 0: as the method leaves it, without a crease but close to the border. Needs no new Bind",
            default=0.0, limits=dict(min=0.0, max=1.0, precision=2, subtype='FACTOR')),
+    Option('loose_parts', LOOSE_PARTS, "Loose Parts",
+           "How parts without a handle go with the surface on which they lie or in which they stick. What is far from "
+           "it, or larger, stays. Needs no new Bind"),
     Option('auto_bind', bool, "Re-bind by Itself",
            "After an edit of the mesh, of handles or of settings, bind again with the present pose, where that takes "
            "less than half a second. In the window, while Live is on",

@@ -141,6 +141,9 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         border.active = settings.base == 'COMPUTED' and bool(settings.region)
         border.prop(settings, 'soft_border')
         layout.prop(settings, 'join_split')
+        loose = layout.column()
+        loose.active = settings.base == 'COMPUTED'
+        loose.prop(settings, 'loose_parts')
 
         row = layout.row()
         row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
