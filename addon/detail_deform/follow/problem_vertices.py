@@ -4,7 +4,9 @@
 import numpy as np
 
 from .. import session
-from . import handle_follower
+from ..scene.mesh_data import MeshProblem
+from ..scene.subject import Subject
+from . import handle_follower, written_offsets
 
 # Findings that native.Deformer.info counts, and of which the status names an example.
 _FINDINGS = ('RESTING', 'LOOSE', 'FAR', 'TORN', 'DEGENERATE', 'UNREPRESENTED')
@@ -31,9 +33,19 @@ def _findings(ob):
     entry = handle_follower.cache.find(settings.signature)
     if entry is None or settings.stale or settings.problem or not handle_follower.is_for(ob, entry):
         return None, ()
-    info = entry.made.info
+    info, riding = entry.made.info, riding_of(ob)
+    none = {finding for finding, count in (('RESTING', 'staying'), ('LOOSE', 'loose'))
+            if riding is not None and not getattr(riding.counts, count)}
     return entry.made, [finding for finding in _FINDINGS if getattr(info, f'{finding.lower()}_count')
-                        and (finding != 'UNREPRESENTED' or settings.method == 'NORMAL')]
+                        and finding not in none and (finding != 'UNREPRESENTED' or settings.method == 'NORMAL')]
+
+
+def riding_of(ob):
+    """As written_offsets.riding_of(); None, too, where a group is gone, as the next update says."""
+    try:
+        return written_offsets.riding_of(Subject(ob))
+    except MeshProblem:
+        return None
 
 
 def are_known(ob):
@@ -52,5 +64,7 @@ def of(ob):
     chosen[np.asarray(_of_refusal(ob), np.intp)] = True
     deformer, findings = _findings(ob)
     for finding in findings:
-        chosen[deformer.vertices(finding)] = True
+        found = deformer.vertices(finding)
+        riding = riding_of(ob) if finding in {'RESTING', 'LOOSE'} else None
+        chosen[found if riding is None else np.setdiff1d(found, riding.vertices)] = True
     return chosen

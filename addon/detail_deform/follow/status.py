@@ -5,9 +5,8 @@ import bpy
 
 from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, examples, offset_attribute, posers,
                      proportions, stack)
-from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
-from . import frame_results, handle_follower, hints, messages, slow_results, update_options, written_offsets
+from . import frame_results, handle_follower, hints, messages, problem_vertices, slow_results, update_options
 
 
 # Ratio of the largest to the smallest change of scale since Bind, among all directions: the factor by which a turn of
@@ -108,10 +107,7 @@ def _summary(settings, info):
 
 def _loose_parts(ob, info):
     """Generator of sentences: which loose parts ride along, and which stay."""
-    try:
-        riding = written_offsets.riding_of(Subject(ob))
-    except MeshProblem:
-        return  # a group is gone: the next update says so
+    riding = problem_vertices.riding_of(ob)
     parts, vertices, example = info.resting_component_count, info.resting_count, info.resting_example
     loose, loose_example, why = info.loose_count, info.loose_example, ""
     if riding is not None:

@@ -34,6 +34,11 @@ class RidingParts:
     def __bool__(self):
         return bool(self._stages)
 
+    @property
+    def vertices(self):
+        """Those that ride."""
+        return np.concatenate([np.zeros(0, np.intp), *(groups.vertices for groups in self._stages)])
+
     def placed(self, offsets):
         """(3 n,): offsets, with those of the parts that ride filled in."""
         result = offsets.reshape(-1, 3)
@@ -47,7 +52,7 @@ class _Groups:
 
     def __init__(self, rest, triangles, riders, size):
         """riders: loose_parts.Riders. size: of the mesh, the unit of their sizes."""
-        self._vertices, self._rest = riders.vertices, rest
+        self.vertices, self._rest = riders.vertices, rest
         pairs = np.unique(riders.contacts, axis=0)
         numbers, self._begin = np.unique(pairs[:, 0], return_index=True)
         self._group, self._pair_group = (np.searchsorted(numbers, of) for of in (riders.groups, pairs[:, 0]))
@@ -59,7 +64,7 @@ class _Groups:
         self._weights = np.maximum(areas, 1e-12 * areas.max())[self._of_pair]
         self._centroids = ((a + b + c) / 3)[self._of_pair]
         self._centres = _means(self._weights, self._centroids, self._begin)
-        self._arms = rest[self._vertices] - self._centres[self._group]
+        self._arms = rest[self.vertices] - self._centres[self._group]
         # A single vertex rides on one place.
         sizes = size * np.array([riders.sizes[number] if riders.sizes else 0.0 for number in numbers])
         self._sizes = np.where(sizes > 0, sizes, np.inf)
@@ -75,7 +80,7 @@ class _Groups:
         centres = _means(self._weights, now, self._begin)
         self._let_agree(gradients, now, rotations, centres)
         result = offsets.copy()
-        result[self._vertices] = (centres[self._group] - self._rest[self._vertices]
+        result[self.vertices] = (centres[self._group] - self._rest[self.vertices]
                                   + np.einsum('kij,kj->ki', rotations[self._group], self._arms))
         return result
 
