@@ -32,7 +32,7 @@ def open_scene(name):
 
 
 # Heights in overview.png of the status, Bind and its buttons, the method, the output, Apply and Remove, and the panels.
-OVERVIEW = (62, 135, 231, 348, 421, 467, 493, 519, 545, 571)
+OVERVIEW = (54, 91, 187, 303, 376, 421, 447, 473, 499, 525)
 
 
 def hide_cameras():
