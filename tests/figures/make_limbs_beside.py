@@ -7,9 +7,7 @@ A tentacle bent by 120°, twisted by 360°, and its tip led down, by columns; by
 bones with automatic weights and Preserve Volume, Simple Deform (which leads nothing), Laplacian Deform, and Sculpt
 Mode's brush Pose, which needs a window. Needs a release build; takes a minute.
 """
-import os
 import sys
-import traceback
 from math import pi, radians
 from pathlib import Path
 
@@ -192,19 +190,4 @@ def pictures():
     studio.save(studio.sheet(rows), HERE / "limbs_beside.jpg")
 
 
-def main():
-    steps = pictures()
-
-    def go_on():
-        try:
-            return next(steps)
-        except StopIteration:
-            os._exit(0)
-        except Exception:
-            traceback.print_exc()
-            os._exit(1)
-
-    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
-
-
-main()
+manual_window.run(pictures())

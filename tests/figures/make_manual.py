@@ -6,10 +6,8 @@
 
 Writes into addon/manual/. Needs a release build, xdotool, and ImageMagick's import and convert.
 """
-import os
 import subprocess
 import sys
-import traceback
 from math import radians
 from pathlib import Path
 
@@ -25,7 +23,7 @@ from detail_deform.setup import markers  # noqa: E402
 from detail_deform.ui import examples_panel, panels, transfer_panel  # noqa: E402
 import manual_start  # noqa: E402
 from manual_window import (  # noqa: E402
-    OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, settle, show_only)
+    OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, run, settle, show_only)
 
 def open_scene(name):
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
@@ -197,18 +195,7 @@ def main():
     detail_deform.register()
     bpy.context.preferences.view.show_splash = False
     OUT.mkdir(exist_ok=True)
-    going = steps()
-
-    def go_on():
-        try:
-            return next(going)
-        except StopIteration:
-            os._exit(0)
-        except Exception:
-            traceback.print_exc()
-            os._exit(1)
-
-    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
+    run(steps())
 
 
 main()

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Functions by which make_manual.py arranges Blender's window, drives it and takes pictures of it."""
 
+import os
 import subprocess
+import traceback
 from pathlib import Path
 
 import bpy
@@ -59,6 +61,21 @@ def number(name, places):
     subprocess.run(['convert', path, '-background', '#1d1d1d', '-gravity', 'West', '-splice', '36x0', '-gravity',
                     'NorthWest', '-font', font, *drawn, '+dither', '-colors', '128', '-strip',
                     path], check=True)
+
+
+def run(steps):
+    """Runs a script's steps and ends Blender. steps: a generator of the seconds to wait before the next one, in which
+    Blender handles its events."""
+    def go_on():
+        try:
+            return next(steps)
+        except StopIteration:
+            os._exit(0)
+        except Exception:
+            traceback.print_exc()
+            os._exit(1)
+
+    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
 
 
 def settle():
