@@ -261,6 +261,27 @@ def test_an_eye_stays_in_its_socket_while_a_lid_moves():
     assert np.abs(evaluated(ob)[eye] - p[eye] - (0, -0.25, 0.1)).max() < 0.05
 
 
+def test_the_two_sides_of_a_symmetric_head_ride_alike(part):
+    bpy.ops.mesh.primitive_monkey_add()
+    ob = bpy.context.active_object
+    p = own(ob).astype(float)
+    parts = part('scene.components').labels(len(p), part('scene.mesh_data').edges(ob.data))
+    is_eye = parts != parts[p[:, 2].argmin()]
+    # Eyes have vertices at the same places as their sockets.
+    apart = np.linalg.norm(p[:, None] * (-1, 1, 1) - p, axis=2) + (is_eye[:, None] != is_eye)
+    image = apart.argmin(1)
+    ob.detail_deform.region = group(ob, "region", np.flatnonzero(p[:, 2] < 0.45)).name
+    handle = add_handle(ob, group(ob, "chin", np.flatnonzero(p[:, 2] < -0.7)).name, add_empty("Chin", (0, -0.5, -0.9)))
+    bind(ob)
+    handle.target.location.z += 0.4
+    handle.target.rotation_euler.x = 0.5
+    update()
+    moved = evaluated(ob) - p
+    assert "2 loose parts ride along" in ob.detail_deform.status
+    assert np.linalg.norm(moved[is_eye], axis=1).max() > 0.05
+    assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
+
+
 def test_a_file_and_undo_keep_it(tmp_path):
     pieces = limb()
     ob, empty = bound(pieces)

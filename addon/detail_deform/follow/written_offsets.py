@@ -60,8 +60,8 @@ def _find_riding(subject, how):
 def _riding_parts(subject, welded, triangles, of_all, how):
     edges, everything = mesh_data.edges(subject.mesh), np.arange(len(of_all))
     return riding.RidingParts(subject.space.to(start.shape(subject.ob)), welded.representatives(triangles),
-                              welded.representatives(edges), of_all, welded.representatives(everything) != everything,
-                              how)
+                              mesh_data.faces_of_triangles(subject.mesh), welded.representatives(edges), of_all,
+                              welded.representatives(everything) != everything, how)
 
 
 def followed(ob, made_for, computed):

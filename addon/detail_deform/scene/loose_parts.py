@@ -24,7 +24,8 @@ _BENDS_FROM = 0.5
 _CONTACT = 0.15
 # A part rides on a larger rigid one, as a rivet on a plate, where that is nearer than the surface by this factor.
 _NEARER = 0.5
-_SAMPLES = 48  # vertices of a part whose distances are measured, at most; as many triangles where it has fewer
+_SAMPLES = 256  # vertices of a part whose distances are measured, at most; as many triangles where it has fewer
+_SAME = 1e-5  # distances that are hardly farther apart are one, as the searches work in single precision
 _LANDINGS = 4  # of them those from which larger parts are looked for
 
 
@@ -62,6 +63,12 @@ class _Surface:
         found = [self._tree.find_nearest(point) for point in points.tolist()]
         return np.array([at[3] for at in found]), self._triangles[[at[2] for at in found]]
 
+    def all_nearest(self, points, distances):
+        """(k,): all triangles as near as the nearest ones, where these meet at a point or an edge."""
+        found = [at for point, distance in zip(points.tolist(), distances.tolist())
+                 for at in self.within(point, distance + _SAME)]
+        return np.array([triangle for _, triangle in found])
+
     def within(self, point, distance):
         """[(distance, triangle)]"""
         return [(at[3], self._triangles[at[2]]) for at in self._tree.find_nearest_range(point, distance)]
@@ -71,9 +78,11 @@ class LooseParts:
     """The connected parts of a mesh, and how those without a handle ride. Lengths are fractions of the mesh's extent,
     as the searches work in single precision."""
 
-    def __init__(self, rest, triangles, edges, roles, copies):
+    def __init__(self, rest, triangles, faces, edges, roles, copies):
         """As riding.RidingParts."""
-        self.triangles = triangles
+        self.triangles, self._faces = triangles, faces
+        self._by_face = np.argsort(faces, kind='stable')
+        self._begin_of_face = np.searchsorted(faces[self._by_face], np.arange(faces.max(initial=-1) + 2))
         self.points = (rest - rest.min(axis=0)) / (np.ptp(rest, axis=0).max() or 1.0)
         corners = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
         _, numbers = np.unique(components.labels(len(rest), np.concatenate([corners, edges])), return_inverse=True)
@@ -105,7 +114,8 @@ class LooseParts:
             return
         rides = bends = np.zeros(len(self._sizes), bool)
         if self._held[self.of_triangle].any():
-            held, near = _Surface(self, self._held), {}
+            surface = held = _Surface(self, self._held)
+            near = {}
             for part in self._loose:
                 near[part] = held.nearest(self._samples(part))
             touches = self._touching(near)
@@ -114,13 +124,21 @@ class LooseParts:
             if bends.any():
                 vertices = self._vertices_of(bends)
                 below = held.nearest(self.points[vertices])[1]
-                self.bending = Riders(vertices, vertices, np.stack([vertices, below], axis=1), None)
+                self.bending = Riders(vertices, vertices, self._of_whole_faces(vertices, below), None)
                 surface = _Surface(self, self._held | bends)
                 near = {part: surface.nearest(self._samples(part)) for part in self._loose if not bends[part]}
                 touches = self._touching(near)
             on = self._larger_neighbours(near, touches)
-            rides = self._ride(near, touches, on)
+            rides = self._ride(surface, near, touches, on)
         self.counts = self._counted(rides, bends)
+
+    def _of_whole_faces(self, groups, triangles):
+        """(p, 2): pairs of a group and a triangle, with all triangles of each one's face, so that it makes no difference
+        how faces are divided, as on the two sides of a symmetric mesh."""
+        faces = self._faces[triangles]
+        counts = self._begin_of_face[faces + 1] - self._begin_of_face[faces]
+        places = np.arange(counts.sum()) + np.repeat(self._begin_of_face[faces] - (np.cumsum(counts) - counts), counts)
+        return np.stack([np.repeat(groups, counts), self._by_face[places]], axis=1)
 
     def _vertices_of(self, chosen):
         """The vertices of parts. chosen: (parts,) bool"""
@@ -186,7 +204,7 @@ class LooseParts:
                         best, found[part] = distance, other
         return found
 
-    def _ride(self, near, touches, on):
+    def _ride(self, surface, near, touches, on):
         """(parts,) bool: those that ride rigidly. Sets rigid."""
         root, rides = np.arange(len(self._sizes)), np.zeros(len(self._sizes), bool)
         for part in sorted(near, key=lambda part: -self._sizes[part]):
@@ -195,15 +213,18 @@ class LooseParts:
                 root[part], rides[part] = root[below], True
             else:
                 rides[part] = touches[part]
-        contacts, sizes = [], {}
+        groups, contacts, sizes = [], [], {}
         for part in np.flatnonzero(rides & (root == np.arange(len(root)))):
-            distances, triangles = near[part]
-            touching = triangles[distances <= distances.min() + _CONTACT * self._sizes[part]]
-            contacts += [(part, triangle) for triangle in touching.tolist()]
+            distances, _ = near[part]
+            touching = np.flatnonzero(distances <= distances.min() + _CONTACT * self._sizes[part])
+            touching = surface.all_nearest(self._samples(part)[touching], distances[touching])
+            groups.append(np.full(len(touching), part))
+            contacts.append(touching)
             sizes[part] = self._sizes[part]
         vertices = self._vertices_of(rides)
         if len(vertices):
-            self.rigid = Riders(vertices, root[self._of_vertex[vertices]], np.array(contacts), sizes)
+            contacts = self._of_whole_faces(np.concatenate(groups), np.concatenate(contacts))
+            self.rigid = Riders(vertices, root[self._of_vertex[vertices]], contacts, sizes)
         return rides
 
     def _counted(self, rides, bends):

@@ -21,11 +21,12 @@ _NEWTON, _FLAT = 12, 1e-3
 class RidingParts:
     """The parts of a mesh that ride along."""
 
-    def __init__(self, rest, triangles, edges, roles, copies, how):
-        """rest: (n, 3); triangles: (m, 3); edges: (e, 2); roles: (n,), as for native.Bind. copies: (n,) bool, vertices
-        that are welded with another one, and in no face here. how: 'AUTO', 'RIGID' or 'BEND'."""
+    def __init__(self, rest, triangles, faces, edges, roles, copies, how):
+        """rest: (n, 3); triangles: (m, 3), and the face of each, (m,); edges: (e, 2); roles: (n,), as for native.Bind.
+        copies: (n,) bool, vertices that are welded with another one, and in no face here. how: 'AUTO', 'RIGID' or
+        'BEND'."""
         self._rest = rest.astype(np.float64)
-        parts = LooseParts(self._rest, triangles, edges, roles, copies)
+        parts = LooseParts(self._rest, triangles, faces, edges, roles, copies)
         parts.find(how)
         self.counts = parts.counts
         size = np.ptp(self._rest, axis=0).max(initial=0) or 1.0
@@ -67,7 +68,8 @@ class _Groups:
         self._centres = _means(self._weights, self._centroids, self._begin)
         self._arms = rest[self.vertices] - self._centres[self._group]
         self._sizes = size * np.array([riders.sizes[number] if riders.sizes else np.inf for number in numbers])
-        self._sizes[np.diff(np.append(self._begin, len(pairs))) < _LEAST_FOR_MEDIAN] = np.inf
+        few = np.diff(np.append(self._begin, len(pairs))) < _LEAST_FOR_MEDIAN
+        self._sizes[few | (self._sizes == 0)] = np.inf  # these move by means
 
     def placed(self, offsets):
         """(n, 3): offsets, with those of the groups filled in."""
