@@ -95,7 +95,7 @@ def test_suzanne_with_three_loose_parts(part):
     eyes = parts != parts[members(ob, 'ear')][0]
     assert len(np.unique(parts[eyes])) == 2
     assert np.abs(moved[~eyes & ~members(ob, 'region') & ~members(ob, 'ear') & ~members(ob, 'brow')]).max() == 0
-    assert np.linalg.norm(moved[eyes], axis=1).max() < 0.1 * np.linalg.norm(moved[members(ob, 'brow')], axis=1).max()
+    assert np.linalg.norm(moved[eyes], axis=1).max() < 0.15 * np.linalg.norm(moved[members(ob, 'brow')], axis=1).max()
     assert np.linalg.norm(moved[members(ob, 'ear')], axis=1).min() > 0.1
     assert np.linalg.norm(moved, axis=1).max() < 0.7
     assert intersecting_pairs(rest + moved, tris) < before + 0.001 * len(tris)

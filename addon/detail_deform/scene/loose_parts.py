@@ -133,8 +133,8 @@ class LooseParts:
         self.counts = self._counted(rides, bends)
 
     def _of_whole_faces(self, groups, triangles):
-        """(p, 2): pairs of a group and a triangle, with all triangles of each one's face, so that it makes no difference
-        how faces are divided, as on the two sides of a symmetric mesh."""
+        """(p, 2): pairs of a group and a triangle, with all triangles of each one's face, so that it makes no
+        difference how faces are divided, as on the two sides of a symmetric mesh."""
         faces = self._faces[triangles]
         counts = self._begin_of_face[faces + 1] - self._begin_of_face[faces]
         places = np.arange(counts.sum()) + np.repeat(self._begin_of_face[faces] - (np.cumsum(counts) - counts), counts)
