@@ -96,6 +96,19 @@ def _roles(ob):
     return roles
 
 
+def _is_held(mesh, roles):
+    """(n,) bool: vertices that edges connect with one of a handle."""
+    edges = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get('vertices', edges)
+    one, other = edges.reshape(-1, 2).T
+    held, count = roles >= 0, -1
+    while held.sum() != count:
+        count = held.sum()
+        held[one] |= held[other]
+        held[other] |= held[one]
+    return held
+
+
 def _place(ob, handle, depsgraph):
     """(4, 4): the empty in the object's space, before modifiers pose the mesh."""
     world = np.array(ob.evaluated_get(depsgraph).matrix_world, float)
@@ -140,7 +153,10 @@ def is_result(of, status, moved):
         amplitude = 0.0
         tolerance = 2e-4 * size + 16 * EPS * np.abs(rest).max() + open_by
         is_outside = ob.detail_deform.base == 'OBJECT'
-        if np.abs(found[roles == -2]).max(initial=0) > 0 and not (is_outside and of.shows_base):
+        fixed = roles == -2
+        if "along with what is beneath" in ob.detail_deform.status:
+            fixed &= _is_held(ob.data, roles)  # loose parts ride
+        if np.abs(found[fixed]).max(initial=0) > 0 and not (is_outside and of.shows_base):
             raise Failure("what is fixed moved")
         if is_outside:  # handles' motions are added to the base's, which isn't known here
             wanted = {}
