@@ -83,7 +83,8 @@ class LooseParts:
         self.triangles, self._faces = triangles, faces
         self._by_face = np.argsort(faces, kind='stable')
         self._begin_of_face = np.searchsorted(faces[self._by_face], np.arange(faces.max(initial=-1) + 2))
-        self.points = (rest - rest.min(axis=0)) / (np.ptp(rest, axis=0).max() or 1.0)
+        with np.errstate(invalid='ignore'):  # places that aren't finite: then find() isn't called
+            self.points = (rest - rest.min(axis=0)) / (np.ptp(rest, axis=0).max() or 1.0)
         corners = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
         _, numbers = np.unique(components.labels(len(rest), np.concatenate([corners, edges])), return_inverse=True)
         count = numbers.max(initial=-1) + 1

@@ -27,7 +27,8 @@ class RidingParts:
         'BEND'."""
         self._rest = rest.astype(np.float64)
         parts = LooseParts(self._rest, triangles, faces, edges, roles, copies)
-        parts.find(how)
+        if np.isfinite(self._rest).all():  # else the bind is refused
+            parts.find(how)
         self.counts = parts.counts
         size = np.ptp(self._rest, axis=0).max(initial=0) or 1.0
         self._stages = [_Groups(self._rest, triangles, riders, size)
