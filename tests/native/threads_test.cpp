@@ -69,10 +69,8 @@ TEST_CASE("the number of threads changes neither solid limbs nor stiff parts", "
       options.threads = threads;
       options.stiffness = (limb.mesh.positions.col(2).array() > 2.4).cast<float>();
       Deformer deformer(limb.mesh, limb.roles, 1, options);
-      UpdateOptions update = test::usual();
-      update.turns = {0, 0, 2};
-      update.free = {1};
-      return test::surface(deformer, {test::TaperedLimb::twist(2 * 180 / kPi)}, update);
+      return test::surface(deformer, {test::TaperedLimb::twist(2 * 180 / kPi)},
+                           test::solid(1, {0, 0, 2}));
     };
     CHECK(twisted(1) == twisted(3));
   }
