@@ -43,31 +43,13 @@ Eigen::VectorXd masses_on(const CoarseSurface& coarse, const FactoredSurface& fi
   return masses;
 }
 
-/// The coarse surface, and where it ends the fine one, of fine vertices.
-Triangles triangles_around(const CoarseSurface& coarse, const FactoredSurface& fine) {
-  std::vector<char> is_active(size_t(fine.mesh.vertex_count()), 0);
-  for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
-    is_active[size_t(fine.poisson->active_vertex(i))] = 1;
-  std::vector<int> beyond;
-  const Triangles& t = fine.mesh.triangles;
-  for (int j = 0; j < fine.mesh.triangle_count(); ++j)
-    if (!is_active[size_t(t(j, 0))] && !is_active[size_t(t(j, 1))] && !is_active[size_t(t(j, 2))])
-      beyond.push_back(j);
-  const Triangles& inner = coarse.surface().mesh.triangles;
-  Triangles all(inner.rows() + static_cast<Index>(beyond.size()), 3);
-  for (Index j = 0; j < inner.rows(); ++j)
-    for (int k = 0; k < 3; ++k) all(j, k) = coarse.vertices()[size_t(inner(j, k))];
-  all.bottomRows(static_cast<Index>(beyond.size())) = t(beyond, kAllIndices);
-  return all;
-}
-
 /// The sections of a coarse surface's vertices.
 std::unique_ptr<CrossSections> cross_sections_of(
     const CoarseSurface& coarse, const FactoredSurface& fine,
     const std::vector<CoarseSurface::Stencil>& stencils) {
   const FactoredSurface& surface = coarse.surface();
   CrossSectionSamples samples{
-      fine, triangles_around(coarse, fine), surface, {}, [&](int active_index) {
+      fine, coarse.with_surroundings(fine), surface, {}, [&](int active_index) {
         return stencils[size_t(active_index)].active_index[0];
       }};
   for (int i = 0; i < surface.poisson->active_vertex_count(); ++i)

@@ -2,6 +2,8 @@
 #include "reconstruction/coarse/coarse_surface.h"
 
 #include <algorithm>
+#include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "mesh/topology.h"
@@ -15,20 +17,19 @@ namespace {
 // saves too little.
 constexpr double kMaxCoarseFraction = 0.6;
 
-/// The mesh's own faces with an active vertex.
-Mesh active_part(const FactoredSurface& fine) {
+/// The mesh's own faces with an active vertex, ascending.
+std::vector<int> active_faces(const FactoredSurface& fine) {
   std::vector<char> active(static_cast<size_t>(fine.mesh.vertex_count()), 0);
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
     active[fine.poisson->active_vertex(i)] = 1;
-  const std::vector<int> faces = triangles_with(active, fine.mesh.triangles);
-  return {fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)};
+  return triangles_with(active, fine.mesh.triangles);
 }
 
 }  // namespace
 
 std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, double spacing) {
   const Region& region = fine.region;
-  const Mesh part = active_part(fine);
+  const Mesh part = {fine.mesh.positions, fine.mesh.triangles(active_faces(fine), kAllIndices)};
   CoarseMesh made(part, region, spacing);
   if (made.free_count > kMaxCoarseFraction * region.free_count()) return nullptr;
 
@@ -52,6 +53,20 @@ std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, 
   for (int v : surface.order().vertex_of_row)
     coarse->fine_row_.push_back(fine.order().row_of_vertex[coarse->vertex_[v]]);
   return coarse;
+}
+
+Triangles CoarseSurface::with_surroundings(const FactoredSurface& fine) const {
+  const std::vector<int> inside = active_faces(fine);
+  std::vector<int> all(size_t(fine.mesh.triangle_count())), outside;
+  std::iota(all.begin(), all.end(), 0);
+  std::set_difference(all.begin(), all.end(), inside.begin(), inside.end(),
+                      std::back_inserter(outside));
+  const Triangles& own = surface_->mesh.triangles;
+  Triangles found(own.rows() + static_cast<Index>(outside.size()), 3);
+  for (Index j = 0; j < own.rows(); ++j)
+    for (int k = 0; k < 3; ++k) found(j, k) = vertex_[size_t(own(j, k))];
+  found.bottomRows(static_cast<Index>(outside.size())) = fine.mesh.triangles(outside, kAllIndices);
+  return found;
 }
 
 void CoarseSurface::restrict(const Rows& fine, Rows& coarse) const {

@@ -23,6 +23,9 @@ class CoarseSurface {
   /// Its vertices, as vertices of the fine surface.
   const std::vector<int>& vertices() const { return vertex_; }
 
+  /// Its triangles, and where it ends those of the fine surface, of fine vertices.
+  Triangles with_surroundings(const FactoredSurface& fine) const;
+
   /// Selects the coarse surface's rows from rows in the fine surface's order.
   void restrict(const Rows& fine, Rows& coarse) const;
 
