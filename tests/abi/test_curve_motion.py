@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from conftest import part
 
-curve_motion = part('scene.curve_motion')
+curve_motion, rotations = part('scene.curve_motion'), part('scene.rotations')
 Samples = curve_motion.Samples
 STRAIGHT = np.stack([np.linspace(0, 4, 81), np.zeros(81), np.zeros(81)], axis=1)
 
@@ -16,7 +16,21 @@ def samples(points, tilts=0.0, radii=1.0, is_cyclic=False):
 
 
 def some_rotation(seed):
-    return curve_motion.nearest_rotations(np.random.default_rng(seed).normal(size=(3, 3)))
+    return rotations.nearest_rotations(np.random.default_rng(seed).normal(size=(3, 3)))
+
+
+@pytest.mark.parametrize('size', [1e-9, 1, 1e9])
+def test_the_nearest_rotations_are_those_of_singular_values(size):
+    random = np.random.default_rng(7)
+    matrices = size * random.normal(size=(500, 3, 3))
+    matrices[:50, :, 2] = matrices[:50, :, 0] + matrices[:50, :, 1]  # flat
+    matrices[50:100, :, 1] *= 1e-4  # nearly
+    left, _, right = np.linalg.svd(matrices)
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+    found = rotations.nearest_rotations(matrices)
+    assert np.abs(found - left @ right)[50:].max() < 1e-9
+    assert np.abs(found @ np.swapaxes(found, 1, 2) - np.eye(3)).max() < 1e-12
+    assert np.abs(rotations.nearest_rotations(matrices[60]) - found[60]).max() < 1e-12
 
 
 def test_the_nearest_point_is_that_of_a_search():

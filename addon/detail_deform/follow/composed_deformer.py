@@ -15,6 +15,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..library import native
+from ..scene.rotations import nearest_rotations
 
 # Radians: only handles that have turned farther count in the estimate of the surface's whole turns. Safety: a margin
 # below π, at which the shortest rotation vector flips.
@@ -23,9 +24,7 @@ _FAR_TURN = 0.75 * np.pi
 
 def rotation_vector(gradient):
     """(3,): the shortest rotation vector of the rotation in a gradient (by polar decomposition)."""
-    left, _, right = np.linalg.svd(gradient)
-    left[:, 2] *= np.linalg.det(left @ right)
-    turn = Matrix((left @ right).tolist()).to_quaternion()
+    turn = Matrix(nearest_rotations(gradient).tolist()).to_quaternion()
     axis, angle = turn.to_axis_angle()
     return np.array(axis) * (angle - 2 * np.pi * (angle > np.pi))
 

@@ -4,12 +4,11 @@
 import numpy as np
 
 from .. import session
-from ..scene.mesh_data import MeshProblem
-from ..scene.subject import Subject
 from . import handle_follower, written_offsets
 
 # Findings that native.Deformer.info counts, and of which the status names an example.
 _FINDINGS = ('RESTING', 'LOOSE', 'FAR', 'TORN', 'DEGENERATE', 'UNREPRESENTED')
+_IF_STAYING = {'RESTING': 'staying', 'LOOSE': 'loose'}  # those that may ride: the field of loose_parts.Counts
 _HARMLESS = 'DEGENERATE'
 _refused = session.Memo(8)  # {object's name: (problem, vertex count of the mesh, vertices with the problem)}
 
@@ -33,19 +32,15 @@ def _findings(ob):
     entry = handle_follower.cache.find(settings.signature)
     if entry is None or settings.stale or settings.problem or not handle_follower.is_for(ob, entry):
         return None, ()
-    info, riding = entry.made.info, riding_of(ob)
-    none = {finding for finding, count in (('RESTING', 'staying'), ('LOOSE', 'loose'))
-            if riding is not None and not getattr(riding.counts, count)}
+    info = entry.made.info
     return entry.made, [finding for finding in _FINDINGS if getattr(info, f'{finding.lower()}_count')
-                        and finding not in none and (finding != 'UNREPRESENTED' or settings.method == 'NORMAL')]
+                        and (finding not in _IF_STAYING or _some_stay(ob, finding))
+                        and (finding != 'UNREPRESENTED' or settings.method == 'NORMAL')]
 
 
-def riding_of(ob):
-    """As written_offsets.riding_of(); None, too, where a group is gone, as the next update says."""
-    try:
-        return written_offsets.riding_of(Subject(ob))
-    except MeshProblem:
-        return None
+def _some_stay(ob, finding):
+    riding = written_offsets.riding_if_known(ob)
+    return riding is None or getattr(riding.counts, _IF_STAYING[finding]) > 0
 
 
 def are_known(ob):
@@ -65,6 +60,6 @@ def of(ob):
     deformer, findings = _findings(ob)
     for finding in findings:
         found = deformer.vertices(finding)
-        riding = riding_of(ob) if finding in {'RESTING', 'LOOSE'} else None
+        riding = written_offsets.riding_if_known(ob) if finding in _IF_STAYING else None
         chosen[found if riding is None else np.setdiff1d(found, riding.vertices)] = True
     return chosen

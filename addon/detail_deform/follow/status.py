@@ -6,7 +6,7 @@ import bpy
 from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, examples, offset_attribute, posers,
                      proportions, stack)
 from ..scene.subject import Subject, enabled_handles
-from . import frame_results, handle_follower, hints, messages, problem_vertices, slow_results, update_options
+from . import frame_results, handle_follower, hints, messages, slow_results, update_options, written_offsets
 
 
 # Ratio of the largest to the smallest change of scale since Bind, among all directions: the factor by which a turn of
@@ -107,7 +107,7 @@ def _summary(settings, info):
 
 def _loose_parts(ob, info):
     """Generator of sentences: which loose parts ride along, and which stay."""
-    riding = problem_vertices.riding_of(ob)
+    riding = written_offsets.riding_if_known(ob)
     parts, vertices, example = info.resting_component_count, info.resting_count, info.resting_example
     loose, loose_example, why = info.loose_count, info.loose_example, ""
     if riding is not None:

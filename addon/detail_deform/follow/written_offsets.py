@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Converts the offsets that the library computes to those that are written to a mesh: with a soft border, copied to
-loose parts, split vertices and vertices in no face, relative to the mesh's own vertices, and with closed mirror
-seams."""
+"""Converts the offsets that the library computes to those that are written to a mesh: with a soft border, with loose
+parts that ride along, copied to split vertices, continued to vertices in no face, relative to the mesh's own vertices,
+and with closed mirror seams."""
 
 import numpy as np
 
 from .. import session
 from ..scene import loose, mesh_data, mirror_plane, riding, soft_border, split, start
+from ..scene.mesh_data import MeshProblem
+from ..scene.subject import Subject
 from . import registry, roles, update_options
 
 # Entries that each memo below keeps: at least _LEAST, and _EACH for each follower: its present content, and the
@@ -52,6 +54,14 @@ def riding_of(subject):
     return _riding.of((signature, how), lambda: _find_riding(subject, how))
 
 
+def riding_if_known(ob):
+    """The same; None, too, where a group is gone, as the next update says."""
+    try:
+        return riding_of(Subject(ob))
+    except MeshProblem:
+        return None
+
+
 def _find_riding(subject, how):
     welded = _welded.of(subject.settings.signature, lambda: split.WeldedMesh(subject.ob))
     return _riding_parts(subject, welded, mesh_data.triangles(subject.mesh), roles.of(subject).of_all, how)
@@ -60,7 +70,7 @@ def _find_riding(subject, how):
 def _riding_parts(subject, welded, triangles, of_all, how):
     edges, everything = mesh_data.edges(subject.mesh), np.arange(len(of_all))
     return riding.RidingParts(subject.space.to(start.shape(subject.ob)), welded.representatives(triangles),
-                              mesh_data.faces_of_triangles(subject.mesh), welded.representatives(edges), of_all,
+                              lambda: mesh_data.faces_of_triangles(subject.mesh), welded.representatives(edges), of_all,
                               welded.representatives(everything) != everything, how)
 
 

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .rotations import nearest_rotations
+
 # Stations of a curve at most. A limb that is bent by half a turn is off by κ h² / 8 = π / (8 · 64²) = 1e-4 of its
 # length between two of them. An update costs the library little more than with five handles (native/bench/RESULTS.md,
 # Many handles).
@@ -165,13 +167,6 @@ def _best_rotation(rest, now):
     """(3, 3): the rotation that brings the points nearest to the present ones."""
     before, after = (np.asarray(each.points, np.float64) - each.points.mean(axis=0) for each in (rest, now))
     return nearest_rotations(after.T @ before)
-
-
-def nearest_rotations(matrices):
-    """(..., 3, 3)"""
-    left, _, right = np.linalg.svd(matrices)
-    left[..., 2] *= np.sign(np.linalg.det(left @ right))[..., None]
-    return left @ right
 
 
 def _transports(tangents):

@@ -11,6 +11,7 @@ from mathutils import Matrix
 from . import curve_motion
 from .curve_motion import Samples
 from .mesh_data import MeshProblem
+from .rotations import nearest_rotations
 
 _OF_BEZIER = {'co': 3, 'handle_left': 3, 'handle_right': 3, 'tilt': 1, 'radius': 1}
 _OF_POINT = {'co': 4, 'tilt': 1, 'radius': 1}
@@ -85,7 +86,7 @@ def _read_bones(handle, ob, depsgraph):
         matrix = matrix[:3, :3]
         end = following.head if following else bone.tail  # a chain may have gaps
         points.append((1 - along) * np.array(bone.head) + along * np.array(end))
-        frames += [curve_motion.nearest_rotations(matrix)] * _SAMPLES_OF_BONE
+        frames += [nearest_rotations(matrix)] * _SAMPLES_OF_BONE
         radii += [np.sqrt(np.linalg.norm(matrix[:, 0]) * np.linalg.norm(matrix[:, 2]))] * _SAMPLES_OF_BONE
     points, frames = np.concatenate([*points, [chain[-1].tail]]), np.array([*frames, frames[-1]])
     joints = np.arange(_SAMPLES_OF_BONE, len(points) - 1, _SAMPLES_OF_BONE)

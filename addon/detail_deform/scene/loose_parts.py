@@ -80,24 +80,28 @@ class LooseParts:
 
     def __init__(self, rest, triangles, faces, edges, roles, copies):
         """As riding.RidingParts."""
-        self.triangles, self._faces = triangles, faces
-        self._by_face = np.argsort(faces, kind='stable')
-        self._begin_of_face = np.searchsorted(faces[self._by_face], np.arange(faces.max(initial=-1) + 2))
-        with np.errstate(invalid='ignore'):  # places that aren't finite: then find() isn't called
-            self.points = (rest - rest.min(axis=0)) / (np.ptp(rest, axis=0).max() or 1.0)
         corners = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
         _, numbers = np.unique(components.labels(len(rest), np.concatenate([corners, edges])), return_inverse=True)
         count = numbers.max(initial=-1) + 1
         self.of_triangle = numbers[triangles[:, 0]]
         numbers[copies] = count  # in no part
         self._of_vertex = numbers
-        self._of_parts = np.argsort(self.of_triangle, kind='stable')  # triangles
-        self._first_triangle = np.searchsorted(self.of_triangle[self._of_parts], np.arange(count + 1))
         self._order = np.argsort(numbers, kind='stable')
         self._begin = np.searchsorted(numbers[self._order], np.arange(count + 1))
         self._held, self._free = (np.bincount(numbers[chosen], minlength=count + 1)[:count] > 0
                                   for chosen in (roles >= 0, roles == native.ROLE_FREE))
         there = np.flatnonzero(np.diff(self._begin) > 0)
+        self._loose = there[~self._held[there]]
+        self.counts, self.bending, self.rigid = Counts(), None, None
+        if not len(self._loose) or not np.isfinite(rest).all():  # most meshes; those whose bind is refused
+            self._loose = self._loose[:0]
+            return
+        self.triangles, self._faces = triangles, faces()
+        self._by_face = np.argsort(self._faces, kind='stable')
+        self._begin_of_face = np.searchsorted(self._faces[self._by_face], np.arange(self._faces.max(initial=-1) + 2))
+        self.points = (rest - rest.min(axis=0)) / (np.ptp(rest, axis=0).max() or 1.0)
+        self._of_parts = np.argsort(self.of_triangle, kind='stable')  # triangles
+        self._first_triangle = np.searchsorted(self.of_triangle[self._of_parts], np.arange(count + 1))
         low, high = (by.reduceat(self.points[self._order[:self._begin[-1]]], self._begin[there], axis=0)
                      for by in (np.minimum, np.maximum))
         self._sizes = np.zeros(count)
@@ -105,8 +109,6 @@ class LooseParts:
         a, b, c = np.moveaxis(self.points[triangles], 1, 0)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         self._areas = np.bincount(self.of_triangle, areas, minlength=count)
-        self._loose = there[~self._held[there]]
-        self.counts, self.bending, self.rigid = Counts(), None, None
 
     def find(self, how):
         """Sets counts, bending and rigid, Riders or None. how: 'AUTO', 'RIGID' or 'BEND'. Rigid parts may ride on those

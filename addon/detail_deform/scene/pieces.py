@@ -10,6 +10,7 @@ import numpy as np
 
 from . import curve_motion, handle_curves
 from .mesh_data import MeshProblem
+from .rotations import nearest_rotations
 
 
 # Stations of all curves together, and of each at least: an update with 271 handles takes 1.5 times that with ten
@@ -74,7 +75,7 @@ class Pieces:
                                                     _placed(now, subject, by_object), rest.at)
             of_pieces[mine] = (along @ np.vstack([motions[number], [0, 0, 0, 1]]))[:, :3]
             turns_of_pieces[mine] = curve_motion.turns(
-                rotations @ curve_motion.nearest_rotations(motions[number][:, :3]), turns[number])
+                rotations @ nearest_rotations(motions[number][:, :3]), turns[number])
         return of_pieces, turns_of_pieces
 
 
@@ -90,7 +91,7 @@ def _placed(samples, subject, transform):
     shift = subject.space.linear.astype(np.float64) @ transform[:3, 3] + subject.space.shift
     frames = samples.frames
     if frames is not None:
-        frames = curve_motion.nearest_rotations(linear) @ frames
+        frames = nearest_rotations(linear) @ frames
     return samples._replace(points=samples.points @ linear.T + shift, frames=frames)
 
 

@@ -6,6 +6,7 @@ clothes, bend with it."""
 import numpy as np
 
 from .loose_parts import LooseParts
+from .rotations import cross, nearest_rotations
 
 # A part moves by the mean motion of what is beneath, or where that moves apart by its median: what is off by more than
 # this fraction of the part's size counts by how many it is, not by how far. So an eye stays in its socket while a lid
@@ -14,21 +15,18 @@ _AGREES = 0.02
 _AGREE_WELL = 0.01  # squares of such distances, as fractions: up to this all count as they are
 _ROUNDS = 4  # of reweighting; with 20 the eye moves by 2% less
 _LEAST_FOR_MEDIAN = 4  # triangles; hair cards ride on fewer, which takes half the time
-# Iterations for a rotation, and the least determinant of a gradient over its norm cubed for which these are enough.
-_NEWTON, _FLAT = 12, 1e-3
 
 
 class RidingParts:
     """The parts of a mesh that ride along."""
 
     def __init__(self, rest, triangles, faces, edges, roles, copies, how):
-        """rest: (n, 3); triangles: (m, 3), and the face of each, (m,); edges: (e, 2); roles: (n,), as for native.Bind.
-        copies: (n,) bool, vertices that are welded with another one, and in no face here. how: 'AUTO', 'RIGID' or
-        'BEND'."""
+        """rest: (n, 3); triangles: (m, 3); faces: the function that reads the face of each, (m,); edges: (e, 2); roles:
+        (n,), as for native.Bind. copies: (n,) bool, vertices that are welded with another one, and in no face here.
+        how: 'AUTO', 'RIGID' or 'BEND'."""
         self._rest = rest.astype(np.float64)
         parts = LooseParts(self._rest, triangles, faces, edges, roles, copies)
-        if np.isfinite(self._rest).all():  # else the bind is refused
-            parts.find(how)
+        parts.find(how)
         self.counts = parts.counts
         size = np.ptp(self._rest, axis=0).max(initial=0) or 1.0
         self._stages = [_Groups(self._rest, triangles, riders, size)
@@ -79,7 +77,7 @@ class _Groups:
         a, b, c = np.moveaxis(self._rest[self._corners] + offsets[self._corners], 1, 0)
         gradients = (_frames(a, b, c)[0] @ self._inverse)[self._of_pair].reshape(-1, 9)
         now = ((a + b + c) / 3)[self._of_pair]
-        rotations = _rotations(_means(self._weights, gradients, self._begin).reshape(-1, 3, 3))
+        rotations = nearest_rotations(_means(self._weights, gradients, self._begin).reshape(-1, 3, 3))
         centres = _means(self._weights, now, self._begin)
         self._let_agree(gradients, now, rotations, centres)
         result = offsets.copy()
@@ -101,7 +99,7 @@ class _Groups:
         for _ in range(_ROUNDS):
             weights = self._weights[chosen] / np.sqrt(1 + np.maximum(apart - _AGREE_WELL, 0))
             of_groups = [_means(weights, values, begin) for values in (gradients, rest, now)]
-            rotations[groups] = _rotations(of_groups[0].reshape(-1, 3, 3))
+            rotations[groups] = nearest_rotations(of_groups[0].reshape(-1, 3, 3))
             # The motion takes the weighted centre at rest to the present one; self._centres are of all alike.
             arms = self._centres[groups] - of_groups[1]
             centres[groups] = of_groups[2] + np.einsum('kij,kj->ki', rotations[groups], arms)
@@ -124,37 +122,9 @@ def _frames(a, b, c):
     """((k, 3, 3), (k,)): two edges and the unit normal of triangles, as columns, and twice their areas. A triangle
     without an area has the identity."""
     one, other = b - a, c - a
-    normals = _cross(one, other)
+    normals = cross(one, other)
     areas = np.sqrt(np.einsum('ki,ki->k', normals, normals))
     frames = np.stack([one, other, normals / np.maximum(areas, 1e-300)[:, None]], axis=2)
     if not areas.all():
         frames[areas == 0] = np.eye(3)
     return frames, areas
-
-
-def _rotations(gradients):
-    """(k, 3, 3): the rotations in gradients, by Newton's iteration for the polar decomposition, which converges
-    quadratically; of what is flat or mirrored by its singular values."""
-    found, flat = gradients, np.zeros(len(gradients), bool)
-    for number in range(_NEWTON):
-        one, other, third = found[:, :, 0], found[:, :, 1], found[:, :, 2]
-        cofactors = np.stack([_cross(other, third), _cross(third, one), _cross(one, other)], axis=2)
-        determinants = np.einsum('ki,ki->k', one, cofactors[:, :, 0])
-        if number == 0:
-            flat = ~(determinants > _FLAT * np.einsum('kij,kij->k', found, found) ** 1.5)
-            determinants[flat] = 1
-        change = 0.5 * (cofactors / determinants[:, None, None] - found)
-        found = found + change
-        if np.abs(change[~flat]).max(initial=0) < 1e-7:  # the next one would be 1e-14
-            break
-    if flat.any():
-        left, _, right = np.linalg.svd(gradients[flat])
-        left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
-        found[flat] = left @ right
-    return found
-
-
-def _cross(a, b):
-    """As np.cross, in half the time."""
-    return np.stack([a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1], a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
-                     a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]], axis=1)

@@ -5,6 +5,8 @@ remains, of translations the part in the plane."""
 
 import numpy as np
 
+from .rotations import nearest_rotations
+
 
 def motion(given, flips, pivot):
     """(4, 4): the mean of an affine motion and its mirror images. flips: (4, 4) reflections. pivot: (3,); its
@@ -26,15 +28,12 @@ def _mean_linear(one, other):
     if np.array_equal(one, other):
         return one
     rotations, stretches = zip(*map(_polar, (one, other)))
-    left, _, right = np.linalg.svd(rotations[0] + rotations[1])
-    rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    rotation = nearest_rotations(rotations[0] + rotations[1])
     return rotation @ (stretches[0] + stretches[1]) / 2
 
 
 def _polar(linear):
-    left, _, right = np.linalg.svd(linear)
-    left[:, 2] *= np.linalg.det(left @ right)
-    rotation = left @ right
+    rotation = nearest_rotations(linear)
     return rotation, rotation.T @ linear
 
 
