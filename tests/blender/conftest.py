@@ -140,6 +140,15 @@ def update():
     bpy.context.view_layer.update()
 
 
+def rigid_motion(rest, now):
+    """(rotation, (n, 3) differences): the rigid motion that fits points best, and how far they are off it."""
+    a, b = rest - rest.mean(axis=0), now - now.mean(axis=0)
+    left, _, right = np.linalg.svd(b.T @ a)
+    left[:, -1] *= np.linalg.det(left @ right)
+    rotation = left @ right
+    return rotation, b - a @ rotation.T
+
+
 def evaluated(ob):
     """(n, 3) positions of the object after its modifiers, in its own space."""
     mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data

@@ -7,18 +7,15 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_handle, bind, evaluated, group, members, own, update
+from conftest import activate, add_handle, bind, evaluated, group, members, own, rigid_motion, update
 from test_shape import FREE, HEIGHT, bar_mesh, make, make_bar, target_of
 
 
 def fitted(ob, name):
     """The rotation that is nearest to the motion of a group's vertices, and the largest distance from it."""
     which = members(ob, name)
-    rest, now = own(ob)[which], evaluated(ob)[which]
-    rest, now = rest - rest.mean(0), now - now.mean(0)
-    u, _, vt = np.linalg.svd(now.T @ rest)
-    rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-    return rotation, np.abs(rest @ rotation.T - now).max()
+    rotation, off = rigid_motion(own(ob)[which], evaluated(ob)[which])
+    return rotation, np.abs(off).max()
 
 
 def turned(rotation):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from conftest import activate, bind, choose, evaluated, group, members, own, refusal, update
+from conftest import activate, bind, choose, evaluated, group, members, own, refusal, rigid_motion, update
 from test_own_reach import by_itself, pose, two_pulls
 from test_solidity import LENGTH, lead_down, make_tentacle, sections, twist
 
@@ -23,11 +23,7 @@ def plate_of(ob):
 
 def off_rigid(ob, vertices):
     """How far these vertices are off the rigid motion that fits them best, over the plate's length."""
-    rest, now = own(ob)[vertices], evaluated(ob)[vertices]
-    a, b = rest - rest.mean(axis=0), now - now.mean(axis=0)
-    u, _, v = np.linalg.svd(a.T @ b)
-    u[:, 2] *= np.linalg.det(u @ v)
-    return np.linalg.norm(a @ (u @ v) - b, axis=1).max() / PLATE
+    return np.linalg.norm(rigid_motion(own(ob)[vertices], evaluated(ob)[vertices])[1], axis=1).max() / PLATE
 
 
 def bend(ob, degrees=90):

@@ -154,14 +154,13 @@ def by_pose_brush(ob, pose):
 
 def least_section(ob):
     """The least area of a ring's polygon over that at rest."""
-    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    areas = []
-    for source in (mesh, None):
-        points = shapes.limb(0.5, 0.06, 0.06)[0] if source is None else np.array([v.co for v in source.vertices])
-        rings = points[:RINGS * SIDES].reshape(RINGS, SIDES, 3)
+    def areas(points):
+        rings = np.array(points)[:RINGS * SIDES].reshape(RINGS, SIDES, 3)
         rings = rings - rings.mean(axis=1, keepdims=True)
-        areas.append(np.linalg.norm(np.cross(rings, np.roll(rings, -1, axis=1)).sum(axis=1), axis=1))
-    return (areas[0] / areas[1]).min()
+        return np.linalg.norm(np.cross(rings, np.roll(rings, -1, axis=1)).sum(axis=1), axis=1)
+
+    posed = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    return (areas([v.co for v in posed.vertices]) / areas(shapes.limb(0.5, 0.06, 0.06)[0])).min()
 
 
 def pictures():
