@@ -122,10 +122,30 @@ def show_sidebar(panel):
 
 def click_in_view(x, y):
     """Clicks. x, y: pixels from the viewport's upper right corner."""
+    yield from point_in_view(x, y)
+    xdotool('click', 1)
+    yield from settle()
+
+
+def click_button(x, operator):
+    """Clicks the button of an operator in the sidebar, x pixels from its right side. The place of a button is unknown
+    to scripts, and depends on how many lines the status above it takes; but Ctrl C copies its command."""
+    windows = bpy.context.window_manager
+    for y in range(100, area('VIEW_3D').height, 12):
+        windows.clipboard = ""
+        yield from point_in_view(x, y)
+        xdotool('key', 'ctrl+c')
+        yield from settle()
+        if operator in windows.clipboard:
+            yield from click_in_view(x, y)
+            return
+    check(f"there is a button for {operator}", False)
+
+
+def point_in_view(x, y):
+    """Moves the pointer. x, y: pixels from the viewport's upper right corner."""
     where, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     xdotool('mousemove', where.x + where.width - x, window.height - where.y - where.height + y)
-    yield from settle()
-    xdotool('click', 1)
     yield from settle()
 
 
