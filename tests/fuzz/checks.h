@@ -57,6 +57,8 @@ inline constexpr auto kInit<dd_apply_options> = dd_apply_options_init;
 template <>
 inline constexpr auto kInit<dd_match_options> = dd_match_options_init;
 template <>
+inline constexpr auto kInit<dd_riders_options> = dd_riders_options_init;
+template <>
 inline constexpr auto kInit<dd_measure_options> = dd_measure_options_init;
 
 template <class Options>
@@ -119,6 +121,7 @@ struct Freed {
   void operator()(dd_deformer* deformer) const { dd_deformer_free(deformer); }
   void operator()(dd_transfer* transfer) const { dd_transfer_free(transfer); }
   void operator()(dd_match* match) const { dd_match_free(match); }
+  void operator()(dd_riders* riders) const { dd_riders_free(riders); }
 };
 template <class Object>
 using Owned = std::unique_ptr<Object, Freed>;

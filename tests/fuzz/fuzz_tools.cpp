@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Calls that need no job and keep no object: measures, distances, gradients, defaults.
+// Calls that need no job: measures, distances, gradients, riders, defaults.
 #include "checks.h"
 #include "meshes.h"
 #include "points.h"
@@ -140,6 +140,82 @@ void gradients(Bytes& bytes) {
   }
 }
 
+void riding(Bytes& bytes) {
+  const Surface surface = any_surface(bytes);
+  const int n = int(surface.vertex_count()), triangles = int(surface.triangle_count());
+  const int groups = bytes.below(4);
+  std::vector<int32_t> riders, contacts;
+  std::vector<double> sizes;
+  std::vector<char> rides(size_t(n), 0);
+  bool sound = surface.sound;
+  for (int g = 0; g < groups; ++g) {
+    sizes.push_back(bytes.number(0, extent(surface.positions)));
+    sound = sound && sizes.back() >= 0 && std::isfinite(sizes.back());
+    int left = 1 + bytes.below(6);
+    for (int more = left; more > 0 && triangles > 0; --more) {
+      contacts.insert(contacts.end(), {g, bytes.below(triangles)});
+      left = 0;
+    }
+    sound = sound && left == 0;
+    for (int more = bytes.below(5); more > 0 && n > 0; --more) {
+      const int vertex = bytes.below(n);
+      if (!rides[size_t(vertex)] || bytes.odd()) riders.insert(riders.end(), {vertex, g});
+      sound = sound && !rides[size_t(vertex)];
+      rides[size_t(vertex)] = 1;
+    }
+  }
+  if (!riders.empty() && bytes.odd())
+    riders[bytes.seed() % riders.size()] = bytes.beyond(size_t(n));
+  if (!contacts.empty() && bytes.odd())
+    contacts[bytes.seed() % contacts.size()] = bytes.beyond(size_t(triangles));
+  const auto is_beneath = [&](int vertex) {
+    for (size_t i = 1; i < contacts.size(); i += 2)
+      for (size_t k = 0; k < 3 && contacts[i] >= 0 && contacts[i] < triangles; ++k)
+        if (surface.triangles[3 * size_t(contacts[i]) + k] == vertex) return true;
+    return false;
+  };
+  for (size_t i = 0; i < riders.size(); i += 2) sound = sound && !is_beneath(riders[i]);
+  auto options = usual<dd_riders_options>();
+  options.threads = bytes.choice(1, 3);
+  options.riders = bytes.pointer(riders.data());
+  options.rider_count = bytes.count(riders.size() / 2);
+  options.contacts = bytes.pointer(contacts.data());
+  options.contact_count = bytes.count(contacts.size() / 2);
+  options.sizes = bytes.pointer(sizes.data());
+  options.group_count = bytes.count(sizes.size());
+  const Sized<dd_riders_options> how(options, bytes);
+  const GivenMesh mesh(surface, bytes);
+  dd_riders* made = nullptr;
+  const dd_status status = dd_riders_make(bytes.pointer(mesh.get()), how.get(), &made);
+  const Owned<dd_riders> owned(made);
+  promise(status != DD_OK || !(how.wrong() || mesh.misplaced()),
+          "riders with a stride or a struct_size that is none are refused");
+  if (!well(status)) {
+    promise(!made, "outputs are written only on DD_OK: riders were");
+    promise(!(bytes.tame() && sound), "what is nothing out of the way is not refused");
+    return;
+  }
+  const std::vector<float> now = posed(surface.positions, bytes);
+  std::vector<float> differences;
+  for (size_t k = 0; k < now.size(); ++k) differences.push_back(now[k] - surface.positions[k]);
+  const Points offsets(differences, bytes);
+  Output out(size_t(n), bytes);
+  const dd_points_out room = out.get();
+  const dd_points given = counted(*offsets.given(), bytes);
+  const dd_points_out before = room;
+  const std::vector<float> untouched = out.values();
+  const dd_status placed =
+      dd_riders_place(bytes.pointer(made), bytes.pointer(&given), bytes.pointer(&before));
+  promise(placed != DD_OK || !(out.misplaced() || offsets.misplaced()),
+          "a stride that no points can have is refused");
+  const std::vector<float> after = out.values();
+  if (!well(placed)) promise(after == untouched, "outputs are written only on DD_OK: offsets were");
+  for (size_t v = 0; v < size_t(n) && placed == DD_OK; ++v)
+    for (size_t k = 3 * v; k < 3 * v + 3; ++k)
+      promise(rides[v] ? std::isfinite(after[k]) : after[k] == untouched[k],
+              "what rides is placed, and nothing else");
+}
+
 /// Defaults for a caller that states any size, and has room for it.
 template <class Options>
 void defaults(Bytes& bytes) {
@@ -170,7 +246,7 @@ void defaults(Bytes& bytes) {
 }
 
 void defaults(Bytes& bytes) {
-  switch (bytes.below(10)) {
+  switch (bytes.below(11)) {
     case 0:
       return defaults<dd_bind_options>(bytes);
     case 1:
@@ -189,6 +265,8 @@ void defaults(Bytes& bytes) {
       return defaults<dd_apply_options>(bytes);
     case 8:
       return defaults<dd_match_options>(bytes);
+    case 9:
+      return defaults<dd_riders_options>(bytes);
     default:
       return defaults<dd_measure_options>(bytes);
   }
@@ -198,7 +276,7 @@ void defaults(Bytes& bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Bytes bytes(data, size);
-  switch (bytes.below(4)) {
+  switch (bytes.below(5)) {
     case 0:
       distances(bytes);
       break;
@@ -207,6 +285,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       break;
     case 2:
       gradients(bytes);
+      break;
+    case 3:
+      riding(bytes);
       break;
     default:
       defaults(bytes);

@@ -306,6 +306,34 @@ std::vector<Work> works() {
                    std::copy_n(found.begin(), std::min(found.size(), out.size()), out.begin());
                    return status;
                  }});
+  all.push_back({"riders", [](Floats& out, const Fallible& fallible) {
+                   const dd_mesh mesh = ball().mesh();
+                   const auto last = static_cast<int32_t>(mesh.vertices.count) - 1;
+                   std::vector<int32_t> contacts;
+                   for (int32_t t = 0; t < static_cast<int32_t>(mesh.triangle_count); ++t)
+                     if (std::count(mesh.triangles + 3 * t, mesh.triangles + 3 * t + 3, last) == 0)
+                       contacts.insert(contacts.end(), {0, t});
+                   const std::vector<int32_t> rider = {last, 0};
+                   const double size = 0.1;
+                   const Floats now = turned(ball().positions);
+                   const dd_points offsets = detail_deform::points(now);
+                   const dd_points_out to = {out.data(), mesh.vertices.count, 3 * sizeof(float)};
+                   dd_riders_options options = detail_deform::defaults(dd_riders_options_init);
+                   options.threads = 2;
+                   options.riders = rider.data();
+                   options.rider_count = 1;
+                   options.contacts = contacts.data();
+                   options.contact_count = contacts.size() / 2;
+                   options.sizes = &size;
+                   options.group_count = 1;
+                   dd_riders* riders = nullptr;
+                   const int32_t status = fallible([&] {
+                     const int32_t made = dd_riders_make(&mesh, &options, &riders);
+                     return made == DD_OK ? dd_riders_place(riders, &offsets, &to) : made;
+                   });
+                   dd_riders_free(riders);
+                   return status;
+                 }});
   all.push_back({"measures", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
                    const Floats now = turned(ball().positions);

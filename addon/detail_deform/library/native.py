@@ -3,10 +3,11 @@
 
 from .deformer import ROLE_FIXED, ROLE_FREE, Bind, Deformer, Draft, Update, at_rest
 from .loading import filled, instruction_set, library, library_path, unload, version
+from .riders import Riders
 from .structs import NativeError, UpdateInfo
 from .tools import distances, measure, vertex_gradients
 from .transfer import Match, Transfer, TransferJob
 
-__all__ = ('ROLE_FIXED', 'ROLE_FREE', 'Bind', 'Deformer', 'Draft', 'Match', 'NativeError', 'Transfer', 'TransferJob',
-           'Update', 'UpdateInfo', 'at_rest', 'distances', 'filled', 'instruction_set', 'library', 'library_path',
-           'measure', 'unload', 'version', 'vertex_gradients')
+__all__ = ('ROLE_FIXED', 'ROLE_FREE', 'Bind', 'Deformer', 'Draft', 'Match', 'NativeError', 'Riders', 'Transfer',
+           'TransferJob', 'Update', 'UpdateInfo', 'at_rest', 'distances', 'filled', 'instruction_set', 'library',
+           'library_path', 'measure', 'unload', 'version', 'vertex_gradients')

@@ -285,6 +285,10 @@ MatchOptions = _sized_struct_class('dd_match_options', "How correspondences are 
 MatchInfo = _sized_struct_class('dd_match_info', "Facts about a correspondence that was found",
                                 (_INT, 'ambiguous', 'mirrored'),
                                 (_DOUBLE, 'confidence'))
+RidersOptions = _sized_struct_class(
+    'dd_riders_options', "What rides on what", (_INT, 'threads'), (Array(np.int32, 2), 'riders'),
+    (_SIZE, 'rider_count'), (Array(np.int32, 2), 'contacts'), (_SIZE, 'contact_count'), (Array(np.float64), 'sizes'),
+    (_SIZE, 'group_count'))
 MeasureOptions = _sized_struct_class('dd_measure_options', "The base that normals are measured against",
                                      (_POINTS, 'base', 'deformed_base'))
 Measures = _sized_struct_class('dd_measures', "How a deformed surface compares with the one at rest",
@@ -293,7 +297,7 @@ Measures = _sized_struct_class('dd_measures', "How a deformed surface compares w
 STRUCTS = {kind.__name__: kind for kind in (
     Points, PointsOut, Mesh, Failure, Progress, BindOptions, RefinementOptions, NormalOptions, VolumesOptions,
     ExamplesOptions, UpdateOptions, UpdateInfo, Info, TransferOptions, ApplyOptions, TransferInfo, MatchOptions,
-    MatchInfo, MeasureOptions, Measures)}
+    MatchInfo, RidersOptions, MeasureOptions, Measures)}
 OPTIONS = {name: kind for name, kind in STRUCTS.items() if name.endswith('_options')}
 
 # {keyword of an update: (field of dd_update_options, field of the struct that it points to)} for the settings of single
@@ -363,6 +367,9 @@ SIGNATURES = {
     'dd_match_get_points': [OBJECT, INTS, FLOATS, _SIZE],
     'dd_match_get_confidence': [OBJECT, FLOATS, _SIZE],
     'dd_match_free': [OBJECT],
+    'dd_riders_make': [_TO(Mesh), _TO(RidersOptions), _TO(OBJECT)],
+    'dd_riders_place': [OBJECT, _TO(Points), _TO(PointsOut)],
+    'dd_riders_free': [OBJECT],
     'dd_mesh_measure': [_TO(Mesh), INTS, _SIZE, _TO(Points), _TO(MeasureOptions), _TO(Measures)],
     'dd_mesh_distances': [_TO(Mesh), INTS, _SIZE, FLOATS, _SIZE],
     'dd_mesh_vertex_gradients': [_TO(Mesh), _TO(Points), FLOATS, _SIZE],

@@ -49,12 +49,13 @@
  *   and have no size.
  *
  * Ownership
- *   An object that a call returns as a pointer (dd_job, dd_deformer, dd_draft, dd_transfer,
- *   dd_match) belongs to the caller and is released by its _free function, which allows null.
+ *   An object that a call returns as a pointer (dd_job, dd_deformer, dd_draft, dd_riders,
+ *   dd_transfer, dd_match) belongs to the caller and is released by its _free function, which
+ *   allows null.
  *
  * Threads
  *   Different objects may be used by different threads at the same time. One object is used by one
- *   thread at a time; a call that finds its deformer, draft or transfer in use returns
+ *   thread at a time; a call that finds its deformer, draft, riders or transfer in use returns
  *   DD_ERROR_BUSY. Jobs work in threads of their own, which never call back. All objects share one
  *   set of worker threads, which exists as long as any object does.
  *
@@ -803,6 +804,43 @@ DD_API dd_status dd_match_get_points(const dd_match* match, int32_t* triangles, 
 DD_API dd_status dd_match_get_confidence(const dd_match* match, float* out, size_t out_count);
 
 DD_API void dd_match_free(dd_match* match);
+
+/* ---- Loose parts that ride along ---- */
+
+typedef struct dd_riders dd_riders; /* parts, and on what they ride */
+
+typedef struct dd_riders_options {
+  uint32_t struct_size;
+  int32_t threads;       /* as of dd_bind_options */
+  const int32_t* riders; /* rider_count pairs: a vertex, each once, and its group */
+  size_t rider_count;
+  const int32_t* contacts; /* contact_count pairs: a group and a triangle, at least one for each
+                              group. No corner of a triangle may be among the riders: what rides on
+                              those is placed after them, by a dd_riders of its own */
+  size_t contact_count;
+  const double*
+      sizes; /* of group_count groups, in the unit of the positions. 0: by the mean, always */
+  size_t group_count;
+} dd_riders_options;
+
+DD_API dd_status dd_riders_options_init(dd_riders_options* options, size_t size);
+
+/* Plates, rivets, eyes, hair cards and other loose parts that lie on a surface or stick in it, in
+ * groups of vertices. A group moves rigidly: by the mean motion of the triangles on which it rides,
+ * weighted by area, or, where these move apart by more than a fiftieth of its size, by their
+ * median.
+ *   mesh   at rest */
+DD_API dd_status dd_riders_make(const dd_mesh* mesh, const dd_riders_options* options,
+                                dd_riders** made);
+
+/* Places the riders by the offsets of the surface, those of DD_VALUES_OFFSETS.
+ *   offsets   as many as the mesh has vertices
+ *   out       as many; those of the riders are written, all others left. It may be the same
+ *             memory */
+DD_API dd_status dd_riders_place(dd_riders* riders, const dd_points* offsets,
+                                 const dd_points_out* out);
+
+DD_API void dd_riders_free(dd_riders* riders);
 
 /* ---- Measures and distances ---- */
 

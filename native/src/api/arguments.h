@@ -216,9 +216,7 @@ void write_floats(const Positions& values, Target&& out) {
   // The sum is NaN if an entry is; maxCoeff() may miss it.
   if (!(values.cwiseAbs().sum() >= 0) ||
       !(values.cwiseAbs().maxCoeff() < 0.5 * std::numeric_limits<float>::max()))
-    throw Error(Status::numeric,
-                "The motion is too large: the surface leaves the range of single precision",
-                Remedy::move_less);
+    throw motion_too_large();
   out = values.cast<float>();
 }
 

@@ -44,6 +44,10 @@ dd_status dd_match_options_init(dd_match_options* options, size_t size) {
   return guarded([&] { init_struct(options, size, match_defaults()); });
 }
 
+dd_status dd_riders_options_init(dd_riders_options* options, size_t size) {
+  return guarded([&] { init_struct(options, size, riders_defaults()); });
+}
+
 dd_status dd_measure_options_init(dd_measure_options* options, size_t size) {
   return guarded([&] { init_struct(options, size, measure_defaults()); });
 }

@@ -74,6 +74,12 @@ inline dd_match_options match_defaults() {
   return options;
 }
 
+inline dd_riders_options riders_defaults() {
+  dd_riders_options options{};
+  options.threads = usual_thread_count();
+  return options;
+}
+
 inline dd_measure_options measure_defaults() { return {}; }
 
 }  // namespace dd::api

@@ -105,4 +105,11 @@ inline Error leaves_single_precision() {
           Remedy::move_less};
 }
 
+/// The same where it is no handle that moves too far.
+inline Error motion_too_large() {
+  return {Status::numeric,
+          "The motion is too large: the surface leaves the range of single precision",
+          Remedy::move_less};
+}
+
 }  // namespace dd

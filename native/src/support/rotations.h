@@ -18,6 +18,10 @@ inline Eigen::Quaterniond quaternion(const Rows& rows, Index r) {
 /// that of the polar decomposition A = R U.
 Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A);
 
+/// The same by Newton's iteration X ← (X + X⁻ᵀ)/2, which converges quadratically and takes a
+/// tenth of the time of singular values. What is flat or mirrored has these.
+Eigen::Matrix3d polar_rotation_by_newton(const Eigen::Matrix3d& A);
+
 /// polar_rotation(A) if det A > 0. Otherwise A mirrors or is singular, its rotation is not
 /// meaningful, and the result is rotation_by(turn).
 Eigen::Matrix3d rotation_or(const Eigen::Matrix3d& A, const Eigen::Vector3d& turn);
