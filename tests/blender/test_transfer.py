@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_empty, bind, evaluated, group, make_strip, own, refusal, select, update
+from conftest import activate, add_empty, bind, evaluated, group, make_strip, own, refusal, rigid_motion, select, update
 
 transfer = bpy.ops.object.detail_deform_transfer
 
@@ -144,6 +144,63 @@ def test_animation_as_a_cache_and_as_keyed_keys(pair, tmp_path):
     activate(target)
     transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=3, cache_path=path)
     assert len(target.modifiers) == 1
+
+
+def with_loose_parts(target):
+    """Joins a plate that lies on the strip, a rivet on the plate, and a box far away to it, behind its own vertices.
+    Returns the indices of the vertices of each."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    rest, faces = own(target).tolist(), [tuple(face.vertices) for face in target.data.polygons]
+    middle, size = np.mean(rest, axis=0), np.ptp(rest, axis=0).max()
+    places = []
+    for shift, extent in (((0, 0, 0.02), (0.1, 0.08, 0.02)), ((0.02, 0, 0.033), (0.01, 0.01, 0.006)),
+                          ((0, 0, 3), (0.1, 0.1, 0.1))):
+        begin = len(rest)
+        rest += (middle + size * (corners * extent + shift)).tolist()
+        faces += [tuple(begin + v for v in side) for side in sides]
+        places.append(np.arange(begin, len(rest)))
+    mesh = bpy.data.meshes.new("With Parts")
+    mesh.from_pydata(rest, [], faces)
+    target.data = mesh
+    update()
+    return places
+
+
+@pytest.mark.parametrize('pairs_of', ['TRIANGLES', 'VERTICES'])
+def test_parts_that_correspond_to_nothing_ride_along(pair, tmp_path, capfd, pairs_of):
+    source, target = pair
+    count = len(source.data.vertices)
+    source.data.calc_loop_triangles()
+    plate, rivet, box = with_loose_parts(target)
+    pairs = len(source.data.loop_triangles) if pairs_of == 'TRIANGLES' else count
+    path = tmp_path / "pairs.txt"
+    path.write_text(''.join(f"{k} {k}\n" for k in range(pairs)))
+    source.active_shape_key_index = 1
+    transfer(source="Source", what='ACTIVE_KEY', correspondence='LIST', filepath=str(path), pairs_of=pairs_of)
+    said = capfd.readouterr().out
+    assert "2 loose part(s) of this mesh correspond to nothing and ride along with what is beneath." in said
+    assert f"1 loose part(s) of this mesh (such as that of vertex {box[0]}) correspond to nothing and go with" in said
+    rest, now = own(target), coordinates(target.data.shape_keys.key_blocks["Bend"])
+    assert np.abs(now[:count] - bent(own(source))).max() < 1e-4
+    rotation, off = rigid_motion(rest[plate], now[plate])
+    assert np.abs(off).max() < 1e-4
+    # As what is beneath moves: its corners are where the bend has them, but for their own bend.
+    assert np.abs(now[plate] - bent(rest[plate])).max() < 0.01
+    assert np.abs(now[plate] - rest[plate]).max() > 0.05
+    middle = rest[plate].mean(axis=0)
+    carried = (rest[rivet] - middle) @ rotation.T + now[plate].mean(axis=0)
+    assert np.abs(now[rivet] - carried).max() < 1e-4
+    assert np.abs(rigid_motion(rest[box], now[box])[0] - np.eye(3)).max() < 1e-4  # goes with the rest, unturned
+    # The same where it follows.
+    target.detail_deform.transfer.source = source
+    source.data.shape_keys.key_blocks["Bend"].value = 1
+    source.data.shape_keys.key_blocks["Twist"].value = 0
+    target.detail_deform.transfer.correspondence = 'STORED'
+    target.shape_key_clear()
+    bpy.ops.object.detail_deform_transfer_live()
+    update()
+    assert np.abs(evaluated(target)[plate] - now[plate]).max() < 1e-4
 
 
 @pytest.mark.parametrize('pairs_of', ['TRIANGLES', 'VERTICES'])

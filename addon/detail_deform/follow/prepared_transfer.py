@@ -9,6 +9,7 @@ from ..library.options import TRANSFER, arguments_of
 from ..scene import mesh_data, mirrored_source, proportions
 from ..scene.loose import LooseVertices
 from ..scene.mesh_data import MeshProblem
+from ..scene.unmatched_parts import UnmatchedParts
 
 
 def _spaces(source, target, stance):
@@ -24,19 +25,21 @@ def _spaces(source, target, stance):
 class Prepared:
     """A factored transfer between two objects, computed in the proportions that they have in the scene."""
 
-    def __init__(self, transfer, source, target, worn, loose, wide, unfollowed):
+    def __init__(self, transfer, source, target, worn, parts, loose, wide, unfollowed):
         """source, target: the proportions.ProportionalSpace of each. worn: whether the correspondence is by nearest
-        points. loose: the target's Loose. wide: the source's mirrored_source.MirroredSource, or None. unfollowed: of
+        points. parts, loose: the target's UnmatchedParts and LooseVertices. wide: the source's mirrored_source.MirroredSource, or None. unfollowed: of
         mirrored_source.unfollowed()."""
         self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
         self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
+        self.parts = parts
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32: the target's positions for a pose of the source. pose: (k, 3), the positions of the source's
         own vertices, or of all those of wide."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
         pose = self._source.to(pose if self.wide is None else self.wide.with_reflections(pose))
-        return self._target.back(self._loose.place(self._transfer.apply(pose, gradients), pose))
+        placed = self.parts.placed(self._transfer.apply(pose, gradients))
+        return self._target.back(self._loose.place(placed, pose))
 
 
 class Preparation:
@@ -58,12 +61,15 @@ class Preparation:
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
         self._loose = LooseVertices(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
                                     meshes[0][0] if matched.is_by_topology else None)
+        anchors = _anchors(target, settings)
+        self._parts = UnmatchedParts(target, meshes[1][0], matched, anchors if settings.anchor == 'PINNED' else [],
+                                     'RIGID' if settings.placing == 'PARTS' else 'AUTO')
         arguments = {**_arguments(settings, self._worn), 'pairs_of': matched.pairs_of}
         if self._worn and np.linalg.det(self._spaces[0].linear) < 0:
             meshes[0][1] = np.ascontiguousarray(sides[0][:, ::-1])  # a reflection turns triangles inside out: back
         if matched.points is not None:
             arguments['point_triangles'], arguments['point_weights'] = matched.points
-        self._job = native.TransferJob(*meshes, matched.pairs, anchors=_anchors(target, settings), precision=precision,
+        self._job = native.TransferJob(*meshes, matched.pairs, anchors=anchors, precision=precision,
                                        **arguments)
         self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
         self.fractions = self._job.fractions
@@ -77,7 +83,8 @@ class Preparation:
 
     def finish(self):
         """Returns the Prepared, or raises native.NativeError."""
-        return Prepared(self._job.finish(), *self._spaces, self._worn, self._loose, self._wide, self._unfollowed)
+        return Prepared(self._job.finish(), *self._spaces, self._worn, self._parts, self._loose, self._wide,
+                        self._unfollowed)
 
 
 def _unfollowed(source, followed, shape, stance):
@@ -125,10 +132,14 @@ def remarks(transfer):
     info = transfer.info
     if transfer.unfollowed:
         yield transfer.unfollowed
-    if info.unmatched_component_count:
-        yield (f"{info.unmatched_component_count:,} loose part(s) of this mesh (such as that of vertex "
-               f"{info.unmatched_component_example}) correspond to nothing and go with the rest.")
-    elif info.unmatched_count:
+    counts = transfer.parts.counts
+    if counts and counts.rigid + counts.bending:
+        yield (f"{counts.rigid + counts.bending:,} loose part(s) of this mesh correspond to nothing and ride along with "
+               "what is beneath.")
+    if counts and counts.staying:
+        yield (f"{counts.staying:,} loose part(s) of this mesh (such as that of vertex {counts.staying_example}) "
+               "correspond to nothing and go with the rest.")
+    elif info.unmatched_count and not counts:
         yield (f"{info.unmatched_count:,} triangles of this mesh correspond to nothing and go with the nearest "
                "that do.")
     if info.degenerate_count:
