@@ -27,11 +27,11 @@ class Prepared:
 
     def __init__(self, transfer, source, target, worn, parts, loose, wide, unfollowed):
         """source, target: the proportions.ProportionalSpace of each. worn: whether the correspondence is by nearest
-        points. parts, loose: the target's UnmatchedParts and LooseVertices. wide: the source's mirrored_source.MirroredSource, or None. unfollowed: of
-        mirrored_source.unfollowed()."""
+        points. parts, loose: the target's UnmatchedParts and LooseVertices. wide: the source's
+        mirrored_source.MirroredSource, or None. unfollowed: of mirrored_source.unfollowed()."""
         self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
-        self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
-        self.parts = parts
+        self.parts, self._loose = parts, loose
+        self._transfer, self._source, self._target = transfer, source, target
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32: the target's positions for a pose of the source. pose: (k, 3), the positions of the source's
@@ -134,8 +134,8 @@ def remarks(transfer):
         yield transfer.unfollowed
     counts = transfer.parts.counts
     if counts and counts.rigid + counts.bending:
-        yield (f"{counts.rigid + counts.bending:,} loose part(s) of this mesh correspond to nothing and ride along with "
-               "what is beneath.")
+        yield (f"{counts.rigid + counts.bending:,} loose part(s) of this mesh correspond to nothing and ride along "
+               "with what is beneath.")
     if counts and counts.staying:
         yield (f"{counts.staying:,} loose part(s) of this mesh (such as that of vertex {counts.staying_example}) "
                "correspond to nothing and go with the rest.")
