@@ -175,6 +175,7 @@ RidingParts::RidingParts(const Mesh& rest, const Pairs& riders, const Pairs& con
     groups_[g + 1].first_rider += groups_[g].first_rider;
   }
   std::vector<int> next;
+  next.reserve(groups_.size());
   for (const Group& group : groups_) next.push_back(group.first_rider);
   for (const auto& [vertex, g] : riders)
     riders_[next[g]++] = {vertex, rest.positions.row(vertex).transpose() - groups_[g].centre};
