@@ -177,12 +177,13 @@ void riding(Bytes& bytes) {
   for (size_t i = 0; i < riders.size(); i += 2) sound = sound && !is_beneath(riders[i]);
   auto options = usual<dd_riders_options>();
   options.threads = bytes.choice(1, 3);
+  // Counts are what they say: there is nothing that a call could hold them against.
   options.riders = bytes.pointer(riders.data());
-  options.rider_count = bytes.count(riders.size() / 2);
+  options.rider_count = riders.size() / 2;
   options.contacts = bytes.pointer(contacts.data());
-  options.contact_count = bytes.count(contacts.size() / 2);
+  options.contact_count = contacts.size() / 2;
   options.sizes = bytes.pointer(sizes.data());
-  options.group_count = bytes.count(sizes.size());
+  options.group_count = sizes.size();
   const Sized<dd_riders_options> how(options, bytes);
   const GivenMesh mesh(surface, bytes);
   dd_riders* made = nullptr;
