@@ -72,6 +72,16 @@ SCENES = {
 
 # ---------------------------------------------------------------- one scene
 
+def connected(mesh, chosen):
+    """(n,) bool: the vertices that edges connect with chosen ones, and these."""
+    edges = np.array([edge.vertices[:] for edge in mesh.edges])
+    count = 0
+    while chosen.sum() > count:
+        count, chosen = chosen.sum(), chosen.copy()
+        chosen[edges[chosen[edges].any(axis=1)]] = True
+    return chosen
+
+
 class Subject:
     """The bound object of an opened scene, with its rest positions and vertex masks to check the deformation by."""
 
@@ -91,6 +101,8 @@ class Subject:
         for mask, _, _ in self.handles:
             self.free &= ~mask
             self.fixed &= ~mask
+        # Loose parts without a handle, as Suzanne's eyes, ride along.
+        self.fixed &= connected(mesh, np.any([mask for mask, _, _ in self.handles], axis=0))
 
     def evaluated(self):
         mesh = self.object.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
