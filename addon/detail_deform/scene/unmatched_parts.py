@@ -10,14 +10,15 @@ from . import loose_parts, mesh_data, riding, split
 class UnmatchedParts:
     """These parts of a target. counts: loose_parts.Counts; None where there are no such parts."""
 
-    def __init__(self, target, shape, matched, pinned, how):
-        """shape: (n, 3), the target at rest. matched: correspondence.Correspondence. pinned: vertices that are given
-        their places. how: as for riding.RidingParts."""
+    def __init__(self, target, surface, matched, pinned, how):
+        """surface: (positions at rest (n, 3), triangles (m, 3), edges (e, 2)) of the target. matched:
+        correspondence.Correspondence. pinned: vertices that are given their places. how: as for riding.RidingParts."""
+        shape, triangles, edges = surface
         self.counts, self._rest, self._riding = None, shape, None
         if matched.pairs is None:  # by topology, or by nearest points: all faces correspond to something
             return
         welded = split.WeldedMesh(target)
-        triangles = welded.representatives(mesh_data.triangles(target.data))
+        triangles = welded.representatives(triangles)
         firsts = welded.representatives(np.arange(len(shape), dtype=np.int32))
         found = matched.pairs[:, 1]
         if matched.pairs_of == 'TRIANGLES':
@@ -27,8 +28,10 @@ class UnmatchedParts:
         roles[firsts[pinned]] = 0
         in_no_face = np.ones(len(shape), bool)
         in_no_face[triangles] = False
+        if not (roles[~in_no_face] < 0).any():
+            return
         found = riding.RidingParts(shape, triangles, lambda: mesh_data.faces_of_triangles(target.data),
-                                   welded.representatives(mesh_data.edges(target.data)), roles, in_no_face, how)
+                                   welded.representatives(edges), roles, in_no_face, how)
         if found.counts != loose_parts.Counts():
             self.counts = found.counts
         if found:

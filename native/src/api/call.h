@@ -58,14 +58,7 @@ dd_status guarded(Body&& body) noexcept {
   return last_problem.status;
 }
 
-/// Refuses a call that is wrong by itself; message: without its full stop.
-inline void require(bool condition, const std::string& message) {
-  if (!condition) throw Error(Status::argument, message, Remedy::call);
-}
-/// The same of fixed text, which costs nothing where there is nothing to refuse.
-inline void require(bool condition, const char* message) {
-  if (!condition) throw Error(Status::argument, message, Remedy::call);
-}
+using dd::require;
 
 /// The use of an object by one call or one job at a time, from here to its end or release().
 class InUse {

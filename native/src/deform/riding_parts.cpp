@@ -33,10 +33,6 @@ constexpr double kLargest = 0.5 * std::numeric_limits<float>::max();
 // Groups worth a task: each takes about as long as a few triangles of a frame.
 constexpr int kLeastGroups = kLeastRange / 4;
 
-void require(bool condition, const std::string& message) {
-  if (!condition) throw Error(Status::argument, message, Remedy::call);
-}
-
 bool is_index(int index, Index count) { return index >= 0 && index < count; }
 
 void check(const Mesh& rest, const Pairs& riders, const Pairs& contacts,
@@ -51,7 +47,8 @@ void check(const Mesh& rest, const Pairs& riders, const Pairs& contacts,
     require(is_index(vertex, rest.vertex_count()),
             "options.riders has a vertex that the mesh lacks");
     require(is_index(group, group_count), "options.riders has a group that has no size");
-    require(!rides[vertex], "options.riders has vertex " + std::to_string(vertex) + " twice");
+    if (rides[vertex])
+      require(false, "options.riders has vertex " + std::to_string(vertex) + " twice");
     rides[vertex] = 1;
   }
   for (const auto& [group, triangle] : contacts) {
@@ -60,13 +57,16 @@ void check(const Mesh& rest, const Pairs& riders, const Pairs& contacts,
             "options.contacts has a triangle that the mesh lacks");
     lies[group] = 1;
     for (int corner : rest.triangles.row(triangle)) {
+      const bool is_there = is_index(corner, rest.vertex_count());
+      if (is_there && !rides[corner]) continue;
       const std::string name = "triangle " + std::to_string(triangle) + " of options.contacts has ";
-      require(is_index(corner, rest.vertex_count()), name + "a corner that the mesh lacks");
-      require(!rides[corner], name + "the corner " + std::to_string(corner) + ", which rides");
+      require(is_there, name + "a corner that the mesh lacks");
+      require(false, name + "the corner " + std::to_string(corner) + ", which rides");
     }
   }
   for (size_t g = 0; g < lies.size(); ++g)
-    require(lies[g], "group " + std::to_string(g) + " has no triangle in options.contacts");
+    if (!lies[g])
+      require(false, "group " + std::to_string(g) + " has no triangle in options.contacts");
 }
 
 }  // namespace

@@ -97,6 +97,15 @@ class Error : public std::runtime_error {
   std::shared_ptr<const Facts> facts_;  // shared: copying an exception must not throw
 };
 
+/// Refuses a call that is wrong by itself; message: without its full stop.
+inline void require(bool condition, const std::string& message) {
+  if (!condition) throw Error(Status::argument, message, Remedy::call);
+}
+/// The same of fixed text, which costs nothing where there is nothing to refuse.
+inline void require(bool condition, const char* message) {
+  if (!condition) throw Error(Status::argument, message, Remedy::call);
+}
+
 /// The error for a result beyond the range of single precision.
 inline Error leaves_single_precision() {
   return {Status::numeric,

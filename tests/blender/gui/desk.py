@@ -130,13 +130,13 @@ def click_in_view(x, y):
 def click_button(x, operator):
     """Clicks the button of an operator in the sidebar, x pixels from its right side. The place of a button is unknown
     to scripts, and depends on how many lines the status above it takes; but Ctrl C copies its command."""
-    windows = bpy.context.window_manager
+    manager = bpy.context.window_manager
     for y in range(100, area('VIEW_3D').height, 12):
-        windows.clipboard = ""
+        manager.clipboard = ""
         yield from point_in_view(x, y)
         xdotool('key', 'ctrl+c')
         yield from settle()
-        if operator in windows.clipboard:
+        if operator in manager.clipboard:
             yield from click_in_view(x, y)
             return
     check(f"there is a button for {operator}", False)
