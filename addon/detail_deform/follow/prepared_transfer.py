@@ -62,7 +62,8 @@ class Preparation:
         triangles, edges = mesh_data.triangles(target.data), mesh_data.edges(target.data)
         self._loose = LooseVertices(meshes[1][0], triangles, edges, meshes[0][0] if matched.is_by_topology else None)
         anchors = _anchors(target, settings)
-        self._parts = UnmatchedParts(target, (meshes[1][0], triangles, edges), matched, anchors if settings.anchor == 'PINNED' else [],
+        self._parts = UnmatchedParts(target, (meshes[1][0], triangles, edges), matched,
+                                     anchors if settings.anchor == 'PINNED' else [],
                                      'RIGID' if settings.placing == 'PARTS' else 'AUTO')
         arguments = {**_arguments(settings, self._worn), 'pairs_of': matched.pairs_of}
         if self._worn and np.linalg.det(self._spaces[0].linear) < 0:
