@@ -53,6 +53,11 @@ def preview_changed(self, context):
 
 def influence_changed(self, context):
     binding.influence_changed(self.id_data)
+    display_changed(self, context)
+
+
+def display_changed(self, context):
+    lifecycle.settle_channel(self.id_data, context.evaluated_depsgraph_get())
 
 
 def method_changed(self, context):

@@ -225,7 +225,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
 _UPDATE_CALLBACKS = {'method': callbacks.method_changed, 'weights_by': callbacks.weights_by_changed,
                      'base': callbacks.base_changed, 'preview': callbacks.preview_changed,
                      'soft_border': callbacks.result_changed, 'loose_parts': callbacks.result_changed,
-                     'stiff_parts': callbacks.content_changed}
+                     'stiff_parts': callbacks.content_changed, 'show_as': callbacks.display_changed}
 _UPDATE_CALLBACKS_BY_STRUCT = {options.BIND: callbacks.content_changed,
                                **dict.fromkeys(options.OF_UPDATE, callbacks.result_changed)}
 declare(DetailDeformSettings, options.SETTINGS,

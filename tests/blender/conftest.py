@@ -293,7 +293,7 @@ def pull(ob, chosen, **options):
 
 def set_factor(part, ob, factor):
     deform_modifier = part('scene.deform_modifier')
-    owner, name = deform_modifier.factor_property(deform_modifier.find(ob))
+    owner, name = deform_modifier.factor_property(ob, deform_modifier.find(ob))
     if name == 'value':  # 5.2 on
         owner.value = factor
     else:

@@ -250,7 +250,7 @@ def test_factor_scales_the_offsets_and_later_modifiers_see_the_result(part):
     deform_modifier, node_inputs = part('scene.deform_modifier'), part('scene.node_inputs')
     modifier = deform_modifier.find(ob)
     assert modifier.name == 'Detail Deform'
-    assert deform_modifier.factor(modifier) == 1
+    assert deform_modifier.factor(ob, modifier) == 1
     socket = node_inputs.socket_of(modifier.node_group, 'Factor')
     inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
     if inputs is not None:
@@ -259,7 +259,7 @@ def test_factor_scales_the_offsets_and_later_modifiers_see_the_result(part):
         modifier[socket.identifier] = 0.25
     ob.update_tag()
     update()
-    assert deform_modifier.factor(modifier) == 0.25
+    assert deform_modifier.factor(ob, modifier) == 0.25
     assert np.allclose(evaluated(ob), own(ob) + 0.25 * (full - own(ob)), atol=1e-6)
 
     mirror = ob.modifiers.new('Array', 'ARRAY')

@@ -110,6 +110,7 @@ def test_nodes_that_read_the_positions_they_get_come_behind():
 
 def test_multires_stays_before_and_is_reported():
     ob = make_strip()
+    ob.detail_deform.show_as = 'MODIFIER'
     ob.modifiers.new("Detail", 'MULTIRES')
     ob.modifiers.new("Twin", 'MIRROR')
     bind(ob)
@@ -396,6 +397,7 @@ def test_of_two_armatures_the_posing_one_is_the_parent(parented):
 
 def test_a_soft_body_stays_before_and_is_reported():
     ob = make_strip()
+    ob.detail_deform.show_as = 'MODIFIER'
     ob.modifiers.new("Soft", 'SOFT_BODY')
     bind(ob)
     assert names(ob) == ["Soft", "Detail Deform"] and "'Soft' has to come before" in ob.detail_deform.status

@@ -4,9 +4,9 @@
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, deform_modifier, dependency, displayed, group_columns, handle_curves, handle_motions,
-                     handle_owners, handle_rests, handle_transforms, mesh_data, offset_attribute, outside_base, pieces,
-                     proportions, renamed_groups, split, stack, start)
+from ..scene import (carried, channel, deform_modifier, dependency, displayed, group_columns, handle_curves,
+                     handle_motions, handle_owners, handle_rests, handle_transforms, mesh_data, offset_attribute,
+                     outside_base, pieces, proportions, renamed_groups, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject, enabled_handles
 from . import binding_content, handle_follower, hints, lifecycle, registry, roles, update_options
@@ -146,7 +146,7 @@ def go_home(ob, depsgraph, wait):
     settings = ob.detail_deform
     if settings.signature and (start.forget_previous_offsets(ob.data) or Subject(ob).has_new_handle):
         handle_rests.reset_rests_to_homes(settings)
-        offset_attribute.remove(ob.data)  # else bind() would take the shown deformation as the start
+        channel.show_rest(ob)  # else bind() would take the shown deformation as the start
         bind(ob, depsgraph, wait, keep_rest=True)
 
 

@@ -10,7 +10,7 @@ import copy
 import numpy as np
 
 from .. import session
-from ..scene import offset_attribute, start
+from ..scene import channel, offset_attribute, start
 
 
 class FrameResult:
@@ -53,34 +53,35 @@ def is_draft(mesh):
     return record is not None and record.is_draft
 
 
-def show(mesh, offsets, key):
+def show(ob, offsets, key):
     """Writes a result, unless the mesh has the same offsets already, so that Blender needn't evaluate it again. Returns
     its FrameResult."""
-    present = by(mesh)
+    mesh, present = ob.data, by(ob.data)
     if present is not None and present.key == key and np.array_equal(offset_attribute.read(mesh).ravel(), offsets):
         return _note(offset_attribute.token(mesh), offsets, FrameResult(key))
-    return _write(mesh, offsets, FrameResult(key))
+    return _write(ob, offsets, FrameResult(key))
 
 
-def show_slow(mesh, offsets, quick, info):
+def show_slow(ob, offsets, quick, info):
     """Replaces the quick result, whose FrameResult is given, by the slow one."""
     slow = copy.copy(quick)
     slow.is_final, slow.is_hurried, slow.slow_info = True, False, info
-    return _write(mesh, offsets, slow)
+    return _write(ob, offsets, slow)
 
 
-def show_rest(mesh):
+def show_rest(ob):
     """Removes the offsets."""
-    forget(mesh)
-    offset_attribute.remove(mesh)
+    forget(ob.data)
+    channel.show_rest(ob)
 
 
-def show_start(mesh):
+def show_start(ob):
     """Removes the offsets, except for the deformation that the binding started from."""
+    mesh = ob.data
     if start.has_previous_offsets(mesh):
-        show(mesh, start.with_previous_offsets(mesh, np.zeros(3 * len(mesh.vertices), np.float32)), None)
+        show(ob, start.with_previous_offsets(mesh, np.zeros(3 * len(mesh.vertices), np.float32)), None)
     else:
-        show_rest(mesh)
+        show_rest(ob)
 
 
 def is_deformed(mesh):
@@ -89,9 +90,10 @@ def is_deformed(mesh):
     return offset_attribute.find(mesh) is not None and (record is None or record.moves)
 
 
-def _write(mesh, offsets, shown):
-    forget(mesh)
-    return _note(offset_attribute.write(mesh, offsets), offsets, shown)
+def _write(ob, offsets, shown):
+    forget(ob.data)
+    channel.write(ob, offsets)
+    return _note(offset_attribute.token(ob.data), offsets, shown)
 
 
 def _note(token, offsets, shown):

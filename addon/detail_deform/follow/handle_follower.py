@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, deform_modifier, dependency, handle_motions, handle_rests, handle_transforms, mesh_data,
-                     mirror_plane, offset_attribute, outside_base, renamed_groups, split, start)
+from ..scene import (carried, channel, deform_modifier, dependency, handle_motions, handle_rests, handle_transforms,
+                     mesh_data, mirror_plane, offset_attribute, outside_base, renamed_groups, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
@@ -57,8 +57,9 @@ def compare(ob):
     note_handles(ob)
     stale = binding_content.difference(Subject(ob))
     is_edited = stale in {binding_content.TOPOLOGY_CHANGED, binding_content.VERTICES_MOVED}
-    if is_edited and deform_modifier.find(ob) is None:
-        return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
+    if is_edited and (deform_modifier.find(ob) is None or channel.is_lost(ob.data)):
+        what = "shape key" if channel.is_lost(ob.data) else "modifier"
+        return (f"The {what} was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
     if stale == binding_content.VERTICES_MOVED:
         carry_along(ob, bpy.context.evaluated_depsgraph_get())

@@ -18,7 +18,8 @@ import bpy
 
 from .. import session, timers
 from ..library import native
-from ..scene import attribute_reaches, deform_modifier, offset_attribute, renamed_groups
+from ..scene import attribute_reaches, channel, deform_modifier, mesh_data, offset_attribute, renamed_groups
+from ..scene.mesh_data import MeshProblem
 from ..scene.subject import Subject
 from ..scene.window import redraw_panels
 from . import drag, frame_results, handle_follower, messages, problem_vertices, registry, slow_results, source_follower
@@ -54,6 +55,8 @@ def refresh_all(members, depsgraph):
         kind = kind_of(ob)
         if kind and kind.is_live(ob):
             refresh(ob, depsgraph, poses=poses)
+        elif kind:
+            settle_channel(ob, depsgraph)
 
 
 def refresh(ob, depsgraph, force=False, poses=None):
@@ -62,6 +65,24 @@ def refresh(ob, depsgraph, force=False, poses=None):
 
     Raises nothing for mistakes of the user: the sentence is stored in the settings, where the panel shows it.
     """
+    if channel.is_lost(ob.data):
+        compare(ob)  # it may have been applied: then the binding ends
+    _refresh(ob, depsgraph, force, poses)
+    settle_channel(ob, depsgraph)
+
+
+def settle_channel(ob, depsgraph):
+    """Has the offsets displayed as the settings and the modifier stack ask for."""
+    try:
+        registry.check_mesh(ob)
+    except MeshProblem:  # refresh() has said it
+        if mesh_data.is_shared(ob.data) and not mesh_data.why_not_editable(ob):
+            channel.settle_copy(ob)
+    else:
+        channel.settle(ob, depsgraph)
+
+
+def _refresh(ob, depsgraph, force, poses):
     kind = kind_of(ob)
     if kind is None or ob.mode == 'EDIT':
         return
@@ -69,7 +90,7 @@ def refresh(ob, depsgraph, force=False, poses=None):
     if kind.is_outdated(subject):
         compare(ob)
         subject = Subject(ob, depsgraph, poses)  # compare() follows groups that were renamed
-    if not (kind.has(ob) and kind.is_fit(subject) and (force or deform_modifier.is_shown(subject.modifier, depsgraph))):
+    if not (kind.has(ob) and kind.is_fit(subject) and (force or channel.is_shown(ob, subject.modifier, depsgraph))):
         return
     wait, problem, before = must_wait(depsgraph), "", offset_attribute.token(ob.data)
     try:
@@ -116,7 +137,7 @@ def _show(kind, subject, entry, force, wait):
     if not force and record is not None and _is_result_of(record, frame) and (
             record.will_do(wait, share) or not wait and _is_to_follow(subject.mesh, record)):
         return record.problem
-    record = frame_results.show(subject.mesh, frame.offsets(share), frame.key)
+    record = frame_results.show(subject.ob, frame.offsets(share), frame.key)
     entry.update_ms = 1e3 * (time.perf_counter() - start)
     if frame.is_hurried:
         record.is_hurried = True
@@ -152,7 +173,7 @@ def _replace_draft(ob):
     if not frame.is_of(ob):
         return
     try:
-        frame.written(frame_results.show(ob.data, frame.offsets(1.0), frame.key), wait=False)
+        frame.written(frame_results.show(ob, frame.offsets(1.0), frame.key), wait=False)
     except messages.TOLD as error:
         kind.settings(ob).problem = messages.said(ob, error)
 
@@ -207,6 +228,7 @@ def compare(ob):
     try:
         renamed_groups.update_names(ob)
         renamed_groups.store_names(ob)
+        channel.weights_changed(ob.data)
         lost = kind and kind.compare(ob)
     except MemoryError:
         return  # the next update reports it
@@ -265,7 +287,7 @@ def finish(kind, content):
             kind.refuse(ob, messages.said(ob, error))
             problem_vertices.note(ob, error)
             if frame_results.is_draft(ob.data) and ob.mode != 'EDIT':
-                frame_results.show_start(ob.data)
+                frame_results.show_start(ob)
         raise
 
 
@@ -327,4 +349,4 @@ def end(kind, ob):
     modifier = deform_modifier.find(ob)
     if modifier:
         deform_modifier.set_base(modifier, None)
-    frame_results.show_rest(ob.data)
+    frame_results.show_rest(ob)

@@ -4,8 +4,8 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import (attribute_reaches, deform_modifier, offset_attribute, partial_evaluation, saved_match, source_pose,
-                     stack, transferred)
+from ..scene import (attribute_reaches, channel, deform_modifier, offset_attribute, partial_evaluation, saved_match,
+                     source_pose, stack, transferred)
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import forget_foreign
 from . import binding, lifecycle, registry, source_follower
@@ -63,7 +63,7 @@ def stop(ob):
         return
     lifecycle.end(source_follower, ob)
     if not ob.detail_deform.handles:  # handles would need it at the next Bind
-        deform_modifier.remove(ob)
+        channel.remove(ob)
 
 
 def source_changed(ob):

@@ -45,7 +45,7 @@ class SlowUpdate:
         for ob, record in quick:
             if record is not None:
                 slow = written_offsets.offsets(Subject(ob), offsets, self.deformer.fades)
-                frame_results.show_slow(ob.data, slow, record, info)
+                frame_results.show_slow(ob, slow, record, info)
         redraw_panels()
 
     def refuse(self, error):

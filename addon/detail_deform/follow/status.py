@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, examples, offset_attribute, posers,
-                     proportions, stack)
+from ..scene import (attribute_reaches, cache_modifier, carried, deform_modifier, display_key, examples,
+                     offset_attribute, posers, proportions, stack)
 from ..scene.subject import Subject, enabled_handles
 from . import frame_results, handle_follower, hints, messages, slow_results, update_options, written_offsets
 
@@ -149,6 +149,12 @@ def _shown_slow(ob):
                 yield "The search for them stopped early: raise Iterations (For Comparison) for a better result."
 
 
+def _shown_by_key(ob):
+    name, wanting = display_key.find(ob.data).name, stack.wanting_mesh(ob)
+    why = f", which acts before '{wanting[0].name}'" if wanting else ""
+    return f"The shape key '{name}' shows the deformation{why}."
+
+
 def _names(names):
     return ', '.join(f"'{name}'" for name in names)
 
@@ -169,6 +175,8 @@ def _remarks(ob, info):
         yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
                "keyframes, set them to 0, and show the modifier in the viewport." if plays_keys else
                "Its modifier is hidden, so nothing is computed: show it in the viewport.")
+    elif display_key.find(ob.data):
+        yield display_key.why_hidden(ob) or _shown_by_key(ob)
     if proportions.changed_since(ob) > _UNEVEN:
         yield (f"'{ob.name}' is scaled along other directions than when it was bound, so that details that turn are "
                "sheared: press Re-bind.")

@@ -123,6 +123,12 @@ LOOSE_PARTS = (
     ('RIGID', "Ride Rigidly", "All keep their shape"),
     ('BEND', "Bend Along", "All bend with what is beneath them"),
     ('STAY', "Stay", "Nothing moves but what is connected with a handle"))
+SHOWN_AS = (
+    ('AUTO', "Automatic",
+     "By a shape key where a modifier such as Multires wants the mesh itself, or else by the modifier"),
+    ('MODIFIER', "Modifier", "By Detail Deform's modifier, where it stands in the stack"),
+    ('SHAPE_KEY', "Shape Key",
+     "By a shape key, before all modifiers, whose value is the factor: for exporters that know shape keys alone"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
      "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "
@@ -318,6 +324,9 @@ SETTINGS = (
     Option('loose_parts', LOOSE_PARTS, "Loose Parts",
            "How parts without a handle go with the surface on which they lie or in which they stick. What is far from "
            "it, or larger, stays. Needs no new Bind"),
+    Option('show_as', SHOWN_AS, "Show As",
+           "What shows the deformation. Sculpted details of a Multires modifier turn with the surface by a shape key "
+           "alone"),
     Option('auto_bind', bool, "Re-bind by Itself",
            "After an edit of the mesh, of handles or of settings, bind again with the present pose, where that takes "
            "less than half a second. In the window, while Live is on",

@@ -7,8 +7,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..follow import binding, lifecycle, live_transfer, registry, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
-from ..scene import (apply_result, cache_modifier, deform_modifier, mesh_data, offset_attribute, saved_match, selection,
-                     stack)
+from ..scene import (apply_result, cache_modifier, channel, deform_modifier, mesh_data, offset_attribute, saved_match,
+                     selection, stack)
 from ..setup import at_rest, handle_setup, region_setup
 from .operator_base import HandleEmptyOperator, MeshOperator
 
@@ -59,7 +59,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         live_transfer.stop(ob)
         saved_match.forget(ob)
         bake.drop_cache(ob)
-        deform_modifier.remove(ob)
+        channel.remove(ob)
         handle_setup.remove_handles(ob, range(len(ob.detail_deform.handles)))
         region_setup.remove_own(ob)
         ob.property_unset('detail_deform')
@@ -188,7 +188,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
             apply_result.apply(ob, self.mode)
             binding.unbind(ob)
             live_transfer.stop(ob)
-            deform_modifier.remove(ob)
+            channel.remove(ob)
 
 
 class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):

@@ -2,18 +2,17 @@
 """Bakes the deformation of a range of frames to a cache or shape keys, which play without the add-on."""
 
 from ..follow import lifecycle
-from ..scene import cache_modifier, carried, deform_modifier, mesh_data, offset_attribute, partial_evaluation, stack
+from ..scene import (cache_modifier, carried, channel, deform_modifier, mesh_data, offset_attribute, partial_evaluation,
+                     stack)
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyframed_shape_keys, point_cache
 
 
 class _StackUpTo:
-    """Context in which the viewport shows the object's modifier stack up to this modifier only."""
+    """Context in which the viewport shows the object's modifier stack up to the deformation only."""
 
     def __init__(self, ob, modifier):
-        modifiers = list(ob.modifiers)
-        self._behind = modifiers[modifiers.index(modifier) + 1:]
-        self._modifier = modifier
+        self._behind, self._modifier = deform_modifier.after(ob), modifier
 
     def __enter__(self):
         self._shown = [(m, m.show_viewport, m.show_render) for m in (self._modifier, *self._behind)]
@@ -47,11 +46,11 @@ def over_frames(context, ob, start, end):
             yield frame
     finally:
         if not settings.live:  # no update restores the offsets
-            offset_attribute.write(ob.data, shown.ravel())
+            channel.write(ob, shown.ravel())
 
 
 def to_cache(context, ob, start, end, path, whole=None):
-    """Generator: writes a point cache of the object, evaluated with its modifiers up to Detail Deform; yields the
+    """Generator: writes a point cache of the object, evaluated with its modifiers up to the deformation; yields the
     fraction done. whole: as for point_cache.write(). Raises MeshProblem."""
     first, last = whole or (start, end)
     frames.check_range(start, end)
@@ -59,7 +58,7 @@ def to_cache(context, ob, start, end, path, whole=None):
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}: choose others.")
     modifier = modifier_of(ob)
-    earlier = list(ob.modifiers)[:list(ob.modifiers).index(modifier)]
+    earlier = deform_modifier.before(ob)
     for other in partial_evaluation.differing_in_renders(ob, context.scene):
         if other in earlier and getattr(other, 'levels', 0) != getattr(other, 'render_levels', 0):
             raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
@@ -74,7 +73,7 @@ def to_cache(context, ob, start, end, path, whole=None):
 
 
 def _evaluated(context, ob, modifier, start, end):
-    """Generator of (n, 3) float32: the positions in each frame, evaluated with the modifiers up to this one."""
+    """Generator of (n, 3) float32: the positions in each frame, evaluated with the modifiers up to the deformation."""
     count = None
     with _StackUpTo(ob, modifier):
         for frame in over_frames(context, ob, start, end):
@@ -95,14 +94,14 @@ def use_cache(ob, path, start):
     """Plays a cache, whose first frame is start, in place of the live deformation. Raises MeshProblem."""
     modifier = modifier_of(ob)
     points, before = point_cache.point_count(path), len(ob.data.vertices)
-    if points != before and list(ob.modifiers).index(modifier) == 0:
+    if points != before and not deform_modifier.before(ob):
         raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: press Bake again.")
     cache = cache_modifier.find(ob)
     if cache is None:
         cache = ob.modifiers.new(cache_modifier.NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
     ob.detail_deform.cached_points = carried.sample_points(ob.data)
-    stack.move_after(ob, cache, modifier)  # first: at the end of the stack its file may not fit the vertex count
+    stack.place_cache(ob, cache)  # first: at the end of the stack its file may not fit the vertex count
     cache_modifier.set_up(cache, path, start)
     # A hidden modifier is not updated: this saves its time.
     _show(modifier, False)
@@ -122,8 +121,8 @@ def to_shape_keys(context, ob, start, end):
     """Generator: adds a shape key for each frame, with keyframes that play them; yields the fraction done."""
     modifier = modifier_of(ob)
     frames.check_time(context.scene)
-    earlier = next(m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render)
-    if earlier != modifier:
+    earlier = next((m for m in deform_modifier.before(ob) if m.show_viewport or m.show_render), None)
+    if earlier is not None:
         raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
                           "move Detail Deform to the top, or bake a cache.")
     keyframed_shape_keys.check(ob)

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import deform_modifier, mesh_data, offset_attribute
+from . import channel, deform_modifier, mesh_data, offset_attribute
 
 SHAPE_KEY_NAME = 'Detail Deform'
 
@@ -26,6 +26,7 @@ def apply(ob, mode):
     """Applies shown_offsets(). mode: 'MESH' moves the vertices, and those of every shape key, so that keys keep their
     effect; 'SHAPE_KEY' adds a key of value 1."""
     mesh, offsets = ob.data, shown_offsets(ob)
+    channel.remove_key(ob)
     if mode == 'SHAPE_KEY':
         add_key(ob, SHAPE_KEY_NAME, offsets).value = 1.0
         return

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether the offset attribute and the influence reach the modifier that displays them."""
 
-from . import deform_modifier, offset_attribute
+from . import deform_modifier, display_key, offset_attribute
 
 # Modifiers that may replace their input by another mesh without its attributes. All others keep the attributes.
 _MAY_REPLACE = {'NODES', 'REMESH', 'SKIN', 'MESH_SEQUENCE_CACHE', 'OCEAN', 'FLUID', 'EXPLODE', 'PARTICLE_INSTANCE',
@@ -15,7 +15,7 @@ def why_not(subject):
     shown = [m for m in subject.ob.modifiers if m == ours or _may_replace(m, depsgraph)]
     before = shown[:shown.index(ours)] if ours else []
     # If one after Detail Deform may remove the attribute again, its absence proves nothing.
-    if not before or shown[-1] != ours:
+    if not before or shown[-1] != ours or display_key.find(subject.mesh):
         return ""
     into, out_of = subject.mesh.evaluated_get(depsgraph), subject.ob.evaluated_get(depsgraph).data
     if offset_attribute.find(into) is None or out_of is None or offset_attribute.find(out_of) is not None:

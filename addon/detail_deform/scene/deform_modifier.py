@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from . import mesh_data, node_group, node_inputs
+from . import display_key, mesh_data, node_group, node_inputs
 
 
 def find(ob):
@@ -14,10 +14,17 @@ def find(ob):
     return None
 
 
-def after(ob):
-    """[modifier]: those after the deformation's in the stack; all if it has none yet."""
+def before(ob):
+    """[modifier]: those before the deformation in the stack; none if it has none yet, or is displayed by a shape
+    key."""
     modifiers, modifier = list(ob.modifiers), find(ob)
-    return modifiers[modifiers.index(modifier) + 1:] if modifier else modifiers
+    return modifiers[:modifiers.index(modifier)] if modifier and not display_key.find(ob.data) else []
+
+
+def after(ob):
+    """[modifier]: those after the deformation in the stack; all others where before() has none."""
+    modifier, earlier = find(ob), before(ob)
+    return [other for other in list(ob.modifiers)[len(earlier):] if other != modifier]
 
 
 def user_count():
@@ -55,8 +62,12 @@ def remove(ob):
         bpy.data.node_groups.remove(group)
 
 
-def factor_property(modifier):
-    """(data, property) of the modifier's Factor for layout.prop(); None if its node group has none."""
+def factor_property(ob, modifier):
+    """(data, property) of the deformation's factor for layout.prop(): the value of its shape key, if there is one, or
+    the modifier's Factor; None if its node group has none."""
+    key = display_key.find(ob.data)
+    if key is not None:
+        return key, 'value'
     socket = node_inputs.socket_of(modifier.node_group, 'Factor')
     if socket is None:
         return None
@@ -64,20 +75,36 @@ def factor_property(modifier):
     return (getattr(inputs, identifier), 'value') if inputs is not None else (modifier, f'["{identifier}"]')
 
 
-def factor(modifier):
-    """The modifier's Factor; 1 if it has no numeric value, as when an attribute supplies it."""
-    return float(node_inputs.value(modifier, 'Factor'))
+def factor(ob, modifier):
+    """The factor of the deformation; 1 if the modifier's has no numeric value, as when an attribute supplies it."""
+    key = display_key.find(ob.data)
+    return float(node_inputs.value(modifier, 'Factor')) if key is None else display_key.factor(ob, key)
+
+
+def set_factor(modifier, value):
+    """Sets the modifier's own Factor."""
+    node_inputs.set_value(modifier, 'Factor', value)
+
+
+def influence(modifier):
+    """(name of the influence group, or '', whether it is inverted)"""
+    return node_inputs.value(modifier, 'Influence'), bool(node_inputs.value(modifier, 'Invert'))
 
 
 def display_weights(ob, modifier):
     """The factor by which offsets are displayed: a number, or (n, 1) per vertex where there is an influence group."""
-    name, invert = node_inputs.value(modifier, 'Influence'), bool(node_inputs.value(modifier, 'Invert'))
+    return factor(ob, modifier) * influence_weights(ob, modifier)
+
+
+def influence_weights(ob, modifier):
+    """The same without the deformation's factor."""
+    name, invert = influence(modifier)
     if not name:
-        return factor(modifier)
+        return 1.0
     weights = np.zeros(len(ob.data.vertices), np.float32)
     if name in ob.vertex_groups:
         weights = mesh_data.group_weights(ob, [name])[0]
-    return factor(modifier) * (1 - weights if invert else weights)[:, None]
+    return (1 - weights if invert else weights)[:, None]
 
 
 def set_influence(modifier, group_name, invert):
@@ -88,3 +115,8 @@ def set_influence(modifier, group_name, invert):
 def set_base(modifier, base):
     """Makes the object depend on the geometry of base, an object or None."""
     node_inputs.set_value(modifier, 'Base', base)
+
+
+def set_passing(modifier, is_passing):
+    """Makes the modifier pass the geometry on, as a shape key displays the deformation."""
+    node_inputs.set_value(modifier, 'By Shape Key', is_passing)

@@ -6,7 +6,7 @@ empty is placed. With a single armature the motion of the empty's bone is used i
 
 import numpy as np
 
-from . import deform_modifier, mesh_data, partial_evaluation, skin, stack, start
+from . import channel, deform_modifier, mesh_data, partial_evaluation, skin, stack, start
 
 # These add displacements of their own to the positions, so a pull keeps its direction through them. All others map
 # positions to positions, and so rotate a pull too.
@@ -45,11 +45,13 @@ def similarities(ob, parts, depsgraph):
         if mesh is None or not any(used[k] for k in _movers(ob)):
             return unknown
         after = mesh_data.positions(mesh)
-    # Before the first pull the deformation has no modifier: take the index at which it will be added.
-    modifiers, own = list(ob.modifiers), deform_modifier.find(ob)
-    end = modifiers.index(own) + 1 if own else stack.index_of_its_place(ob)
-    adders = [use and k >= end and m.type in _ADD_DISPLACEMENTS for k, (m, use) in enumerate(zip(modifiers, used))]
-    before = partial_evaluation.positions_with(ob, depsgraph, [use and k < end for k, use in enumerate(used)])
+    own = deform_modifier.find(ob)
+    # Before the first pull the deformation has no modifier: take the place at which it will be added.
+    earlier = [*deform_modifier.before(ob), own] if own else (
+        [] if channel.wants_key(ob) else list(ob.modifiers)[:stack.index_of_its_place(ob)])
+    adders = [use and m not in earlier and m.type in _ADD_DISPLACEMENTS for m, use in zip(ob.modifiers, used)]
+    before = partial_evaluation.positions_with(
+        ob, depsgraph, [use and m in earlier for m, use in zip(ob.modifiers, used)])
     mapped = partial_evaluation.positions_with(
         ob, depsgraph, np.array(used) & ~np.array(adders)) if any(adders) else after
     if before is None or mapped is None or not np.isfinite([before, mapped, after]).all():

@@ -5,7 +5,7 @@ every redraw, as a few vertices of each handle are sampled."""
 import numpy as np
 
 from .. import session
-from . import mesh_data, offset_attribute
+from . import display_key, mesh_data, offset_attribute
 
 # Sampled vertices a handle, and of all handles together (but at least one a handle): bound the time of a redraw.
 _SAMPLES_A_HANDLE = 4
@@ -15,10 +15,10 @@ _samples = session.Memo(8)  # {signature of the binding: {group: [vertex]}}
 
 def shifts(ob, handles):
     """(h, 3) float64: mean shift of the sampled vertices of each of these handles, in world space."""
-    result, keys = np.zeros((len(handles), 3)), ob.data.shape_keys
+    result = np.zeros((len(handles), 3))
     if ob.mode == 'EDIT' or ob.detail_deform.stale:  # no attributes to read, or indices out of date
         return result
-    shown = [key for key in keys.key_blocks if key.value and not key.mute and key != key.relative_key] if keys else []
+    shown = [key for key in display_key.others(ob.data) if key.value and not key.mute and key != key.relative_key]
     at_bind = offset_attribute.find(ob.data, offset_attribute.SHAPE_KEY_OFFSETS)
     if not shown and at_bind is None:
         return result

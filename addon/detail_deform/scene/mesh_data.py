@@ -8,6 +8,7 @@ import os
 import numpy as np
 
 from ..library import native
+from . import display_key
 
 MEMBER_WEIGHT = 0.5  # a vertex is a member of a group if its weight is larger; tooltips and messages say so
 _INVISIBLE = 1e-6  # fraction of the mesh's largest extent: offsets up to it count as none, too small to be seen
@@ -101,9 +102,9 @@ def key_positions(key):
 
 
 def relative_keys(ob):
-    """[ShapeKey] without the reference key. Raises MeshProblem where they are absolute."""
+    """[ShapeKey] of the user, without the reference key. Raises MeshProblem where they are absolute."""
     keys = ob.data.shape_keys
-    blocks = [key for key in keys.key_blocks if key != keys.reference_key] if keys else []
+    blocks = [key for key in display_key.others(ob.data) if key != keys.reference_key]
     if blocks and not keys.use_relative:
         raise MeshProblem(f"'{ob.name}' has absolute shape keys: make them relative first.")
     return blocks
@@ -137,18 +138,18 @@ def are_invisible(mesh, vectors):
 
 
 def key_mix(ob, without=()):
-    """(n, 3) float32: offsets of the mesh's own vertices by the shape keys at their present values. Zero for absolute
-    keys, which have no values. without: names of keys to leave out."""
-    keys = ob.data.shape_keys
-    if not keys or not keys.use_relative:
+    """(n, 3) float32: offsets of the mesh's own vertices by the user's shape keys at their present values. Zero for
+    absolute keys, which have no values. without: names of keys to leave out."""
+    keys, own = ob.data.shape_keys, display_key.find(ob.data)
+    pinned = ob.active_shape_key if ob.show_only_shape_key else None
+    if not keys or not keys.use_relative or pinned is not None and pinned == own:
         return np.zeros((len(ob.data.vertices), 3), np.float32)
-    if ob.show_only_shape_key and ob.active_shape_key and ob.active_shape_key.name not in without:
-        pinned = ob.active_shape_key  # shown at full value, whatever key it is relative to
+    if pinned and pinned.name not in without:  # shown at full value, whatever key it is relative to
         mix = rest_positions(ob.data)
         mix += (key_positions(pinned) - mix) * key_masks(ob, [pinned]).get(pinned.vertex_group, np.ones(1))[:, None]
     else:
         mix = rest_positions(ob.data)
-        shown = [key for key in keys.key_blocks
+        shown = [key for key in display_key.others(ob.data)
                  if key != keys.reference_key and not key.mute and key.value and key.name not in without]
         masks = key_masks(ob, shown)
         for key in shown:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Geometry Nodes group that displays the result: position + Factor × Influence × offset attribute."""
+"""The Geometry Nodes group that displays the result: position + Factor × Influence × offset attribute, unless a shape
+key does."""
 
 import bpy
 
@@ -8,7 +9,7 @@ from .node_inputs import KINDS
 
 NAME = 'Detail Deform'
 _MARK = 'detail_deform_nodes'
-_VERSION = 2  # of the nodes: 2 added Influence
+_VERSION = 3  # of the nodes: 2 added Influence, 3 By Shape Key
 
 
 def new_socket(group, name, kind, in_out='INPUT'):
@@ -25,6 +26,7 @@ def _new_interface(group):
     made['Influence'].description = "Vertex group by whose weights the deformation is shown; all of it when empty"
     made['Invert'].description = "Show the deformation where the group's weights are low"
     made['Base'].description = "The base object, if there is one: set by Bind"
+    made['By Shape Key'].description = "A shape key shows the deformation in place of these nodes: set by Show As"
     return made['Factor']
 
 
@@ -42,7 +44,7 @@ def _make():
         made.location = (x, y)
         return made
 
-    source, target = node('NodeGroupInput', -1800, 0), node('NodeGroupOutput', 200, 0)
+    source, target = node('NodeGroupInput', -1800, 0), node('NodeGroupOutput', 400, 0)
     link = group.links.new
 
     def attribute(kind, x, y):
@@ -80,7 +82,13 @@ def _make():
     link(amount, scale.inputs['Scale'])
     link(source.outputs['Geometry'], move.inputs['Geometry'])
     link(scale.outputs[0], move.inputs['Offset'])
-    link(move.outputs['Geometry'], target.inputs['Geometry'])
+    choice = node('GeometryNodeSwitch', 200, 0)
+    choice.input_type = 'GEOMETRY'
+    switch, moved, passed, *_ = [socket for socket in choice.inputs if socket.enabled]
+    link(source.outputs['By Shape Key'], switch)
+    link(move.outputs['Geometry'], moved)
+    link(source.outputs['Geometry'], passed)
+    link(next(socket for socket in choice.outputs if socket.enabled), target.inputs['Geometry'])
     return group
 
 

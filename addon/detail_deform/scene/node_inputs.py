@@ -2,7 +2,8 @@
 """The input values of Geometry Nodes modifiers, which Blender stores differently from 5.2 on."""
 
 KINDS = {'Geometry': 'NodeSocketGeometry', 'Factor': 'NodeSocketFloat', 'Influence': 'NodeSocketString',
-         'Invert': 'NodeSocketBool', 'Base': 'NodeSocketObject'}  # inputs of the add-on's node group
+         'Invert': 'NodeSocketBool', 'Base': 'NodeSocketObject',
+         'By Shape Key': 'NodeSocketBool'}  # inputs of the add-on's node group
 
 
 def socket_of(group, name):
@@ -32,7 +33,7 @@ def texts(modifier):
 
 def value(modifier, name):
     """The value of an input; its default where it has none, as when an attribute supplies it."""
-    usual, found = {'Factor': 1.0, 'Influence': "", 'Invert': False}[name], None
+    usual, found = {'Factor': 1.0, 'Influence': "", 'Invert': False, 'By Shape Key': False}[name], None
     socket, inputs = socket_of(modifier.node_group, name), values_of(modifier)
     if socket is not None:  # missing in a group that was edited
         found = (getattr(inputs, socket.identifier).value if inputs is not None else

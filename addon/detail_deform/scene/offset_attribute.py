@@ -43,12 +43,11 @@ def check_name(ob):
 
 
 def write(mesh, offsets):
-    """Writes the displayed offsets, (3 n,) float32, and creates the attribute if missing; the caller has called
-    check_name(). Returns the token of this write."""
+    """Writes the displayed offsets, (3 n,) float32, with a new token, and creates the attribute if missing; the caller
+    has called check_name()."""
     put(mesh, DISPLAYED_OFFSETS, offsets)
-    mesh[_TOKEN] = written = f"{_session}-{next(_numbers)}"
+    mesh[_TOKEN] = f"{_session}-{next(_numbers)}"
     mesh.update_tag()
-    return written
 
 
 def put(mesh, name, vectors):

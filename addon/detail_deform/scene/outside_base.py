@@ -6,7 +6,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import mesh_data, offset_attribute, partial_evaluation, start, world_transforms
+from . import display_key, mesh_data, offset_attribute, partial_evaluation, start, world_transforms
 from .mesh_data import MeshProblem
 
 
@@ -163,6 +163,7 @@ def make(ob, positions):
     mesh = ob.data.copy()
     mesh.name = f"{ob.name} Base"
     offset_attribute.remove(mesh)
+    display_key.forget(mesh)
     start.forget(mesh)
     base = bpy.data.objects.new(f"{ob.name} Base", mesh)
     if mesh.shape_keys:

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import deform_modifier, mesh_data, offset_attribute, partial_evaluation
+from . import deform_modifier, display_key, mesh_data, offset_attribute, partial_evaluation
 from .mesh_data import MeshProblem
 
 
@@ -54,7 +54,8 @@ def _not_yet_shown(source, mesh, used):
     or a follower. Exact if the deformation's modifier is the last that moves vertices. used: (k,) bool, the modifiers
     that produced mesh."""
     modifier = deform_modifier.find(source)
-    if modifier is None or not used[list(source.modifiers).index(modifier)]:
+    by_key = display_key.find(source.data) is not None
+    if modifier is None or not (by_key or used[list(source.modifiers).index(modifier)]):
         return np.float32(0)
     change = offset_attribute.read(source.data) - offset_attribute.read(mesh)
     if not change.any():  # before amount(), which is slow with an influence group

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..library import native
 from .. import session
-from . import components, mesh_data
+from . import components, display_key, mesh_data
 
 _SEPARATED = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is no rounding error
 _FOLDED = -0.99  # cosine of the angle between the normals at a seam: below it the sides are front and back of a card
@@ -29,7 +29,7 @@ def _find_representatives(ob, topology):
     pairs = _cache.of(content, lambda: _pairs(mesh, positions))
     if not len(pairs):  # nearly always: avoids reading the keys
         return None
-    keys = [mesh_data.key_positions(key) for key in (mesh.shape_keys.key_blocks if mesh.shape_keys else ())]
+    keys = [mesh_data.key_positions(key) for key in display_key.others(mesh)]
     return _cache.of((*content, 'keys', *map(mesh_data.signature, keys)),
                      lambda: _representatives(pairs, positions, keys))
 

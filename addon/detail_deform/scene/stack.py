@@ -6,14 +6,14 @@ entails."""
 
 import bpy
 
-from . import cache_modifier, deform_modifier, node_group
+from . import cache_modifier, deform_modifier, display_key, node_group
 
 # Read positions from a file.
 _FILE_READERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
-# Modifiers that can't come after Geometry Nodes, and the consequence for users.
-_MUST_PRECEDE = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you "
-                             "sculpt",
-                 'SOFT_BODY': "it doesn't feel the deformation: apply that first"}
+# Modifiers that want the mesh itself and so can't come after Geometry Nodes, and the consequence for users unless a
+# shape key displays the deformation (channel.py).
+_MUST_PRECEDE = {'MULTIRES': "what was sculpted only moves along and doesn't turn",
+                 'SOFT_BODY': "it doesn't feel the deformation"}
 # What goes wrong if the deformation comes after a modifier of this type.
 _DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM', 'LATTICE',
               'MESH_DEFORM', 'SIMPLE_DEFORM', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
@@ -95,13 +95,38 @@ def move_to_its_place(ob):
     modifier, cache = deform_modifier.find(ob), cache_modifier.find(ob)
     move_to(ob, modifier, index_of_its_place(ob))
     if cache:
-        move_after(ob, cache, modifier)
+        place_cache(ob, cache)
+
+
+def place_cache(ob, cache):
+    """Moves the baked cache to where it replaces the deformation."""
+    if display_key.find(ob.data) is None:
+        move_after(ob, cache, deform_modifier.find(ob))
+    else:
+        move_to(ob, cache, 0)
+
+
+def wanting_mesh(ob):
+    """[modifier]: those that want the mesh itself, so that no nodes can stand before them."""
+    return [modifier for modifier in ob.modifiers if modifier.type in _MUST_PRECEDE]
+
+
+def overwriting(ob):
+    """[modifier]: those that overwrite positions, but for the deformation's baked cache."""
+    cache = cache_modifier.find(ob)
+    return [modifier for modifier in ob.modifiers if modifier != cache and overwrites(modifier)]
+
+
+def why_no_key(ob):
+    """Why no shape key can display the deformation: a clause, or ''."""
+    keys, over = ob.data.shape_keys, overwriting(ob)
+    if keys and not keys.use_relative:
+        return f"the shape keys of '{ob.name}' are absolute"
+    return f"'{over[0].name}' sets positions whatever it gets" if over else ""
 
 
 def _shown_before(ob, types):
-    modifiers, modifier = list(ob.modifiers), deform_modifier.find(ob)
-    earlier = modifiers[:modifiers.index(modifier)] if modifier else ()
-    return [other for other in earlier if other.type in types and other.show_viewport]
+    return [other for other in deform_modifier.before(ob) if other.type in types and other.show_viewport]
 
 
 def misplaced_before(ob):
@@ -117,9 +142,8 @@ def misplaced_before(ob):
 
 def overwriting_after(ob):
     """[modifier]: the shown ones after the deformation's that overwrite its result."""
-    cache = cache_modifier.find(ob)
-    return [other for other in deform_modifier.after(ob)
-            if other != cache and other.show_viewport and overwrites(other)]
+    later = deform_modifier.after(ob)
+    return [other for other in overwriting(ob) if other in later and other.show_viewport]
 
 
 def is_misplaced(ob):
@@ -133,9 +157,13 @@ def why_misplaced(ob):
     if over:
         return (f"'{over[-1].name}' comes behind Detail Deform in the modifier stack and sets positions whatever it "
                 "gets, so nothing is seen: press Move to Its Place.")
-    fixed = _shown_before(ob, _MUST_PRECEDE)
+    fixed, no_key = _shown_before(ob, _MUST_PRECEDE), why_no_key(ob)
     if fixed:
-        return f"'{fixed[-1].name}' has to come before Detail Deform, so {_MUST_PRECEDE[fixed[-1].type]}."
+        harm = f"'{fixed[-1].name}' has to come before Detail Deform, so {_MUST_PRECEDE[fixed[-1].type]}"
+        return (f"{harm}, and no shape key can help, for {no_key}: apply that modifier first." if no_key else
+                f"{harm}: set Show As to Automatic (Advanced).")
+    if no_key and ob.detail_deform.show_as == 'SHAPE_KEY':
+        return f"The modifier shows the deformation, and no shape key, for {no_key}."
     found = misplaced_before(ob)
     if not found:
         return ""

@@ -9,7 +9,7 @@ large enough to be seen.
 
 import numpy as np
 
-from . import deform_modifier, examples, handle_rests, mesh_data, offset_attribute, proportions
+from . import deform_modifier, display_key, examples, handle_rests, mesh_data, offset_attribute, proportions
 from .offset_attribute import PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS
 
 
@@ -49,9 +49,9 @@ def deformed_positions(ob):
 
 
 def _displayed_offsets(ob):
-    """(n, 3) float32: the offsets times Factor and Influence; zero if the modifier is hidden."""
+    """(n, 3) float32: the offsets times Factor and Influence; zero if the modifier or its shape key is hidden."""
     modifier = deform_modifier.find(ob)
-    if not modifier or not modifier.show_viewport:
+    if not modifier or not modifier.show_viewport or display_key.why_hidden(ob):
         return np.zeros((len(ob.data.vertices), 3), np.float32)
     return offset_attribute.read(ob.data) * np.asarray(deform_modifier.display_weights(ob, modifier), np.float32)
 

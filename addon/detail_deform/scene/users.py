@@ -3,16 +3,16 @@
 
 import bpy
 
-from . import deform_modifier, node_group, node_inputs
+from . import deform_modifier, display_key, node_group, node_inputs
 
 
 def needed_groups(ob, names):
     """{str}: those of these vertex groups that modifiers, shape keys, particles, physics, nodes or constraints refer
     to, apart from Detail Deform. Blender keeps no such list: all string properties are compared with the names."""
-    ours, keys = deform_modifier.find(ob), ob.data.shape_keys
+    ours = deform_modifier.find(ob)
     modifiers = [modifier for modifier in ob.modifiers if modifier != ours]
     found = set()
-    for struct in (*modifiers, *(keys.key_blocks if keys else ()), *ob.particle_systems):
+    for struct in (*modifiers, *display_key.others(ob.data), *ob.particle_systems):
         found.update(_texts(struct), *map(_texts, _parts(struct)))
     for modifier in modifiers:
         if modifier.type == 'NODES':

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..follow import binding, binding_state, handle_follower, registry
 from ..library.options import FALLOFF_ORDERS
-from ..scene import deform_modifier, mesh_data, mirror_plane, selection
+from ..scene import channel, deform_modifier, mesh_data, mirror_plane, selection
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, mirroring, region_setup
 
@@ -176,7 +176,7 @@ class Pull:
         if region:
             region_setup.restore(ob, region)
         if not self._had_modifier:
-            deform_modifier.remove(ob)
+            channel.remove(ob)
         settings.handle_index = self._index
         if earlier:
             binding_state.restore(ob, earlier)

@@ -5,7 +5,8 @@ import bpy
 
 from ..declared import COMPARED
 from ..follow import frame_results, handle_follower, hints, problem_vertices, slow_results, status, update_options
-from ..scene import cache_modifier, deform_modifier, handle_curves, handle_owners, offset_attribute, stack
+from ..scene import (cache_modifier, deform_modifier, display_key, handle_curves, handle_owners, offset_attribute,
+                     stack)
 from . import examples_panel
 from .parts import ModifierPanel, ToggleListMixin, draw_options, draw_text
 from .registration import registration
@@ -14,6 +15,16 @@ from .registration import registration
 # Modes that edit the undeformed vertices, which are elsewhere than the displayed ones.
 _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
+
+
+def _edits_elsewhere(ob):
+    """A sentence where what is edited now is not what is displayed; or ''."""
+    key = display_key.find(ob.data)
+    if key is None or ob.mode == 'EDIT':
+        return _WORKS_AT_REST.get(ob.mode, "")
+    if ob.mode == 'SCULPT' and ob.active_shape_key == key:
+        return f"The next update overwrites what you sculpt into the shape key '{key.name}': choose another one."
+    return ""  # brushes work on what shape keys display
 
 
 _ICONS = {'CURVE': 'CURVE_DATA', 'ARMATURE': 'ARMATURE_DATA'}  # of handles, by the type of what moves them
@@ -44,9 +55,10 @@ def draw_state(layout, context, ob):
         layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
     if settings.signature and hints.gone_empties(ob, bpy.context.view_layer.depsgraph):
         layout.operator('object.detail_deform_bring_back', icon='LOOP_BACK')
-    if ob.mode in _WORKS_AT_REST and frame_results.is_deformed(ob.data):
+    why = _edits_elsewhere(ob) if frame_results.is_deformed(ob.data) else ""
+    if why:
         column = layout.column(align=True)
-        draw_text(column, context, _WORKS_AT_REST[ob.mode], 'INFO')
+        draw_text(column, context, why, 'INFO')
         column.operator('object.detail_deform_apply', text="Apply First", icon='CHECKMARK').mode = 'MESH'
     row = layout.row(align=True)
     row.use_property_split = False
@@ -85,7 +97,7 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
         column = layout.column()
         draw_options(column, context, settings, 'METHOD')
         modifier = deform_modifier.find(ob)
-        factor = modifier and deform_modifier.factor_property(modifier)
+        factor = modifier and deform_modifier.factor_property(ob, modifier)
         if factor:
             column.prop(*factor, text="Factor", slider=True)
         row = column.row(align=True)
@@ -231,6 +243,7 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
+        layout.prop(settings, 'show_as')
         layout.prop(settings, 'auto_bind')
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
