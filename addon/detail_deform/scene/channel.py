@@ -13,8 +13,9 @@ import numpy as np
 from . import deform_modifier, display_key, mesh_data, offset_attribute, stack
 
 # Custom properties of the mesh. The offsets that the key holds: their token, and how they were masked; missing where
-# the key is at rest. And whether the reference key was made for it.
+# the key is at rest. Whether the reference key was made for it, and whether Edit Mode was made to show keys.
 _HELD, _MADE_REFERENCE = 'detail_deform_key_holds', 'detail_deform_key_reference'
+_SHOWN_IN_EDIT_MODE = 'detail_deform_key_in_edit_mode'
 
 
 def wants_key(ob):
@@ -133,6 +134,10 @@ def _add_key(ob):
     if mesh.shape_keys is None:
         ob.shape_key_add(name="Basis", from_mix=False)
         mesh[_MADE_REFERENCE] = True
+        if not ob.use_shape_key_edit_mode:
+            # So that selecting for the next pull happens on the displayed surface. Keys of the user's own are edited
+            # as the user has it.
+            ob.use_shape_key_edit_mode = mesh[_SHOWN_IN_EDIT_MODE] = True
     active = ob.active_shape_key_index
     key = ob.shape_key_add(name=display_key.NAME, from_mix=False)
     display_key.mark(mesh, key)
@@ -161,6 +166,8 @@ def remove_key(ob):
         ob.active_shape_key_index = active - (active > position)
         if len(mesh.shape_keys.key_blocks) == 1 and _MADE_REFERENCE in mesh:
             ob.shape_key_clear()
+    if _SHOWN_IN_EDIT_MODE in mesh:
+        ob.use_shape_key_edit_mode = False
     display_key.forget(mesh)
-    for name in (_HELD, _MADE_REFERENCE):
+    for name in (_HELD, _MADE_REFERENCE, _SHOWN_IN_EDIT_MODE):
         mesh.pop(name, None)

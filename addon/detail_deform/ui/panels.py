@@ -17,6 +17,10 @@ _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
 
 
+_PASSED_OVER = ("Blender marks Detail Deform's modifier as not supported in Sculpt Mode behind Multires: its shape key shows "
+                "the deformation.")
+
+
 def _edits_elsewhere(ob):
     """A sentence where what is edited now is not what is displayed; or ''."""
     key = display_key.find(ob.data)
@@ -60,6 +64,8 @@ def draw_state(layout, context, ob):
         column = layout.column(align=True)
         draw_text(column, context, why, 'INFO')
         column.operator('object.detail_deform_apply', text="Apply First", icon='CHECKMARK').mode = 'MESH'
+    elif ob.mode == 'SCULPT' and display_key.find(ob.data) and stack.wanting_mesh(ob):
+        draw_text(layout, context, _PASSED_OVER, 'INFO')
     row = layout.row(align=True)
     row.use_property_split = False
     if under_way:

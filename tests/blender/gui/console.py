@@ -11,10 +11,11 @@ import subprocess
 import sys
 
 # Second line: Blender's messages about panels that draw a missing property or operator, of which 5.2 prints only the
-# file and line. Third line: messages about a modifier that can't be evaluated.
+# file and line. Third line: messages about a modifier that can't be evaluated, but for those behind Multires in Sculpt
+# Mode, where Blender has none of them.
 _FAULTS = re.compile(r'Traceback \(most recent call last\)|DeprecationWarning|Error: Python|'
                      r'property not found|unknown operator|operator missing|detail_deform\S+\.py:\d+$|'
-                     r'bke\.modifier|object\.modifier ')
+                     r'(?:bke\.modifier|object\.modifier )(?!.*Not supported in sculpt mode)')
 _FOLLOWING = 20  # lines that are shown from a fault on
 
 

@@ -28,6 +28,7 @@ import handles
 import large
 import pulls
 import results
+import sculpts
 import transfers
 from console import Console
 from desk import OUT, ROOT, arrange, failures, screenshot
@@ -45,6 +46,7 @@ ROWS = {
                  everyday.pulling_across_the_middle, everyday.pulling_a_whole_part, everyday.editing_a_cage,
                  everyday.stiffening),
     'results': (results.expressing, results.rendering, results.baking),
+    'sculpts': (sculpts.pulling_a_sculpt, sculpts.sculpting_on),
     'large': (large.drafting, large.keeping_track),
 }
 
