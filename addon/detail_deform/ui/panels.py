@@ -17,8 +17,8 @@ _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
 
 
-_PASSED_OVER = ("Blender marks Detail Deform's modifier as not supported in Sculpt Mode behind Multires: its shape key shows "
-                "the deformation.")
+_PASSED_OVER = ("Blender marks Detail Deform's modifier as not supported in Sculpt Mode behind Multires: its shape key "
+                "shows the deformation.")
 
 
 def _edits_elsewhere(ob):

@@ -76,7 +76,7 @@ def pulling_a_sculpt():
 
 def _ear():
     """The middle of the pulled ear, in pixels from the screen's upper left corner."""
-    ob, empty = surface()
+    _, empty = surface()
     where, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     region = next(region for region in where.regions if region.type == 'WINDOW')
     x, y = location_3d_to_region_2d(region, where.spaces.active.region_3d, empty.matrix_world.translation * 0.9)
