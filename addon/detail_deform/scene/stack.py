@@ -70,6 +70,8 @@ def _depends_on_positions(node, sources, seen):
 
 
 def move_to(ob, modifier, index):
+    if list(ob.modifiers).index(modifier) == index:
+        return  # the operator evaluates the scene twice, even where nothing moves
     with bpy.context.temp_override(object=ob, active_object=ob):
         bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
 
