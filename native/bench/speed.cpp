@@ -3,7 +3,7 @@
 // same systems factored and solved by other libraries in the same run, and beside the bandwidth of
 // this machine's memory.
 //
-//   speed [--side 201] [--scale 101,201,317,501,1001] [--json FILE]
+//   speed [--side 201] [--scale 101,201,317,501,1001] [--patch 317,1001,2001] [--json FILE]
 //
 // Set OPENBLAS_NUM_THREADS=1: all is one thread unless it says otherwise.
 #include <sys/resource.h>
@@ -372,19 +372,69 @@ void scale(const std::vector<int>& sides, Report& report) {
   report.add("update_exponent", exponent(updates, from));
 }
 
+/// A patch of some 8,000 vertices on planes of these sides, bound as a part of the mesh and with all
+/// of it, which gives the same bits.
+void patch(const std::vector<int>& sides, Report& report) {
+  std::printf("\n%10s %10s %10s %10s %10s %10s\n", "vertices", "bound", "bind ms", "first ms",
+              "update ms", "held MB");
+  for (int side : sides) {
+    const dd::Mesh mesh = dd::test::bumpy_plane(side);
+    std::vector<int> roles(static_cast<size_t>(mesh.vertex_count()), dd::kFixed);
+    constexpr double kRadius = 50;  // in edges
+    for (int i = 0; i < side; ++i)
+      for (int j = 0; j < side; ++j) {
+        const double distance = std::hypot(i - side / 2, j - side / 2) / kRadius;
+        if (distance < 1)
+          roles[static_cast<size_t>(i) * side + j] = distance < 0.15 ? 0 : dd::kFree;
+      }
+    dd::test::Affine lift = dd::test::identity();
+    lift(2, 3) = 0.3 * kRadius / side;
+    std::vector<float> out(3 * static_cast<size_t>(mesh.vertex_count()));
+    for (const bool whole : {true, false}) {
+      dd::BindOptions options = Scene::options(1);
+      if (whole) options.largest_part = 0;
+      std::vector<double> times[3];
+      double bytes = 0;
+      for (int round = 0; round < 3; ++round) {
+        std::unique_ptr<dd::Deformer> bound;
+        times[0].push_back(
+            milliseconds([&] { bound = std::make_unique<dd::Deformer>(mesh, roles, 1, options); }));
+        for (int k : {1, 2})
+          times[k].push_back(milliseconds(
+              [&] { bound->update_to(out.data(), 3, false, lift.data(), refined(4)); }));
+        bytes = bound->bytes();
+      }
+      std::printf("%10d %10s %10.1f %10.1f %10.2f %10.1f\n", mesh.vertex_count(),
+                  whole ? "all" : "part", median(times[0]), median(times[1]), median(times[2]),
+                  bytes / 1e6);
+      const std::string key =
+          "patch_" + std::to_string(mesh.vertex_count()) + (whole ? "_all_" : "_part_");
+      report.add(key + "bind_ms", median(times[0]));
+      report.add(key + "first_ms", median(times[1]));
+      report.add(key + "update_ms", median(times[2]));
+      report.add(key + "held_mb", bytes / 1e6);
+    }
+  }
+}
+
+std::vector<int> numbers(const char* text) {
+  std::vector<int> found;
+  std::stringstream list(text);
+  for (std::string one; std::getline(list, one, ',');) found.push_back(std::stoi(one));
+  return found;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   int side = 201;
-  std::vector<int> sides;
+  std::vector<int> sides, patched;
   const char* json = nullptr;
   for (int i = 1; i + 1 < argc; i += 2) {
     if (!std::strcmp(argv[i], "--side")) side = std::atoi(argv[i + 1]);
     if (!std::strcmp(argv[i], "--json")) json = argv[i + 1];
-    if (!std::strcmp(argv[i], "--scale")) {
-      std::stringstream list(argv[i + 1]);
-      for (std::string one; std::getline(list, one, ',');) sides.push_back(std::stoi(one));
-    }
+    if (!std::strcmp(argv[i], "--scale")) sides = numbers(argv[i + 1]);
+    if (!std::strcmp(argv[i], "--patch")) patched = numbers(argv[i + 1]);
   }
   if (side < 10 && side != 0) return std::fprintf(stderr, "The side must be at least 10.\n"), 2;
 #ifdef DD_HAVE_PARDISO
@@ -403,6 +453,7 @@ int main(int argc, char** argv) {
     bind(scene, report);
   }
   if (!sides.empty()) scale(sides, report);
+  if (!patched.empty()) patch(patched, report);
   if (json) report.write(json);
   return 0;
 }

@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "mesh/topology.h"
+#include "reconstruction/whole_surface.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -161,7 +161,7 @@ Eigen::Matrix3d FreeTurns::turned_like_an_arc(size_t free_index, const Eigen::Ma
 
 void FreeTurns::find_groups() {
   const Region& region = bound_.region;
-  const Components components(bound_.mesh.triangles, bound_.mesh.vertex_count());
+  const Components components = components_of(bound_);
   // A handle merges all components that contain vertices of it (union-find).
   std::vector<int> first(free_.size(), -1), joined(size_t(components.count));
   std::iota(joined.begin(), joined.end(), 0);

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "mesh/triangles.h"
+#include "reconstruction/whole_surface.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -78,9 +78,7 @@ MotionBlend::MotionBlend(const BoundSurface& bound)
     squares[h] += (bound.mesh.positions.row(v) - bound.coordinates.centres().row(h)).squaredNorm();
     ++counts[h];
   }
-  const double min_radius =
-      kMinHandleRadius *
-      std::sqrt(triangle_areas(bound.mesh.positions, bound.mesh.triangles).sum());
+  const double min_radius = kMinHandleRadius * std::sqrt(whole_area(bound));
   for (size_t h = 0; h < squares.size(); ++h)
     radii_.push_back(std::max(min_radius, std::sqrt(squares[h] / counts[h])));
 }

@@ -39,6 +39,11 @@ Mesh validated(Mesh mesh) {
   return mesh;
 }
 
+/// Whether what the options ask for reads no more of the mesh than a MeshPart has.
+bool may_bind_part(const BindOptions& options) {
+  return options.base.size() == 0 && options.examples.empty() && options.metric_smoothing == 0;
+}
+
 }  // namespace
 
 BindOptions without_surfaces(const BindOptions& options) {
@@ -51,6 +56,16 @@ BindOptions without_surfaces(const BindOptions& options) {
   result.precision = options.precision;
   result.threads = options.threads;
   return result;
+}
+
+template <class Work>
+auto Deformer::of_bound(const Work& work) {
+  try {
+    return work();
+  } catch (const Error& error) {
+    if (!part_) throw;
+    throw part_->of_whole(error);
+  }
 }
 
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
@@ -82,8 +97,10 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
     validate_example(options.examples[i], static_cast<int>(i), mesh_);
     in_unit.examples[i] = box_.into(options.examples[i]);
   }
-  bound_ = std::make_unique<BoundSurface>(Mesh{box_.into(mesh_.positions), mesh_.triangles},
-                                          region_, in_unit, pool_, progress);
+  bind(in_unit, progress);
+  degenerate_ = bound_->operators.metric.degenerate;
+  if (part_)
+    for (int& j : degenerate_) j = part_->triangles[size_t(j)];
   if (!region_.grounds.empty()) carried_ = std::make_unique<CarriedComponents>(*bound_);
 
   coefficients_ = RowMatrix::Zero(4 * handle_count, 4);
@@ -92,6 +109,24 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   moved_ = Rows::Zero(base_.rows(), 4);
   offsets_ = Positions::Zero(mesh_.vertex_count(), 3);
   report(progress, 1.0, Stage::done);
+}
+
+void Deformer::bind(const BindOptions& in_unit, const Progress& progress) {
+  Mesh in_box{box_.into(mesh_.positions), mesh_.triangles};
+  if (may_bind_part(in_unit)) part_ = MeshPart::make(in_box, region_, in_unit.largest_part);
+  if (!part_) {
+    bound_ = std::make_unique<BoundSurface>(std::move(in_box), region_, in_unit, pool_, progress);
+    return;
+  }
+  in_box = {};
+  BindOptions of_part = in_unit;
+  if (in_unit.stiffness.size()) of_part.stiffness = in_unit.stiffness(part_->vertices).eval();
+  of_bound([&] {
+    bound_ = std::make_unique<BoundSurface>(std::move(part_->mesh), part_->region, of_part, pool_,
+                                            progress);
+  });
+  part_->mesh = {};
+  bound_->whole = part_->whole;
 }
 
 Deformer::~Deformer() = default;
@@ -107,10 +142,15 @@ void Deformer::update_to(float* out, Index stride, bool positions, const double*
                          const UpdateOptions& options, const Positions* deformed_base) {
   move(matrices, options, deformed_base);
   require_floats();
-  const std::vector<int>& vertex = bound_->order().vertex_of_row;
+  if (part_)
+    pool_.parallel_for(mesh_.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
+      for (int64_t v = begin; v < end; ++v)
+        for (int c = 0; c < 3; ++c)
+          out[stride * v + c] = positions ? static_cast<float>(mesh_.positions(v, c)) : 0;
+    });
   pool_.parallel_for(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
-      const int v = vertex[r];
+      const int v = vertex_of(r);
       for (int c = 0; c < 3; ++c) {
         const double offset = box_.scale * moved_(r, c);
         const double value = positions ? mesh_.positions(v, c) + offset : offset;
@@ -151,13 +191,18 @@ void Deformer::require_floats() {
 
 void Deformer::move(const double* matrices, const UpdateOptions& options,
                     const Positions* deformed_base) {
+  of_bound([&] { move_bound(matrices, options, deformed_base); });
+}
+
+void Deformer::move_bound(const double* matrices, const UpdateOptions& options,
+                          const Positions* deformed_base) {
   take_matrices(matrices);
   if (outside_base()) take_base(deformed_base);
   std::vector<double> turns = options.turns;
   rotate_free_handles(options, turns);
   const RowOrder& order = bound_->order();
   for (int r = order.free_count; r < order.fixed_begin; ++r) {
-    const int h = region_.role[order.vertex_of_row[r]];
+    const int h = region_.role[size_t(vertex_of(r))];
     const Eigen::RowVector3d arm =
         bound_->rest.row(r).head<3>() - bound_->coordinates.centres().row(h);
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
@@ -323,10 +368,9 @@ Method& Deformer::method(MethodKind kind, const Progress& progress) {
 }
 
 void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
-  const std::vector<int>& vertex = bound_->order().vertex_of_row;
   double sum = 0;
   for (Index r = 0; r < rows.rows(); ++r) {
-    for (int c = 0; c < 3; ++c) vectors(vertex[r], c) = box_.scale * rows(r, c);
+    for (int c = 0; c < 3; ++c) vectors(vertex_of(r), c) = box_.scale * rows(r, c);
     sum += std::abs(rows(r, 0)) + std::abs(rows(r, 1)) + std::abs(rows(r, 2));
   }
   if (!std::isfinite(sum))
@@ -336,7 +380,7 @@ void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
 }
 
 Positions Deformer::positions_in_mesh(const Rows& rows) const {
-  Positions positions(rows.rows(), 3);
+  Positions positions = mesh_.positions.rowwise() - box_.centre;
   scale_to_mesh(rows, positions);
   return positions.rowwise() + box_.centre;
 }
@@ -347,7 +391,12 @@ Positions Deformer::deformed_base() const { return positions_in_mesh(base_); }
 
 MethodFindings Deformer::findings(MethodKind kind) const {
   const std::unique_ptr<Method>& made = methods_[static_cast<size_t>(kind)];
-  if (made) return made->findings();
+  if (made) {
+    MethodFindings found = made->findings();
+    if (part_)
+      for (int& v : found.unrepresented) v = part_->vertices[size_t(v)];
+    return found;
+  }
   MethodFindings none;
   none.example_weights.assign(bound_->examples.size(), 0.0);
   return none;
@@ -361,8 +410,8 @@ double Deformer::bytes() const {
                                        region_.free.size() + region_.handle_vertices.size());
   double sum = static_cast<double>(doubles) * sizeof(double) +
                static_cast<double>(ints) * sizeof(int) + bound_->bytes() +
-               (motions_ ? motions_->bytes() : 0) + (free_turns_ ? free_turns_->bytes() : 0) +
-               (proxy_ ? proxy_->bytes() : 0);
+               (part_ ? part_->bytes() : 0) + (motions_ ? motions_->bytes() : 0) +
+               (free_turns_ ? free_turns_->bytes() : 0) + (proxy_ ? proxy_->bytes() : 0);
   for (const auto& made : methods_)
     if (made) sum += made->bytes();
   return sum;

@@ -8,6 +8,7 @@
 #include "base/base_proxy.h"
 #include "base/free_turns.h"
 #include "base/motion_blend.h"
+#include "deform/mesh_part.h"
 #include "mesh/unit_box.h"
 #include "methods/methods.h"
 
@@ -82,9 +83,8 @@ class Deformer {
   /// The binding of S to a base of another topology; null without one.
   const BaseProxy* proxy() const { return proxy_.get(); }
   const Region& region() const { return region_; }
-  const std::vector<int>& degenerate_triangles() const {
-    return bound_->operators.metric.degenerate;
-  }
+  /// Of those that were bound: near the region, where that is a small part of the mesh.
+  const std::vector<int>& degenerate_triangles() const { return degenerate_; }
   /// The findings of a method; the defaults, and example weights of zero, before its first update.
   MethodFindings findings(MethodKind method) const;
   double bytes() const;
@@ -94,7 +94,20 @@ class Deformer {
   Positions deformed_base() const;
 
  private:
+  /// Binds the part of the mesh that is bound, or all of it.
+  void bind(const BindOptions& in_unit, const Progress& progress);
+  /// The vertex of the mesh at a row of BoundSurface::order().
+  int vertex_of(Index row) const {
+    const int v = bound_->order().vertex_of_row[size_t(row)];
+    return part_ ? part_->vertices[size_t(v)] : v;
+  }
+  /// Runs work on what is bound; its errors name vertices and triangles of the mesh.
+  template <class Work>
+  auto of_bound(const Work& work);
+  /// Sets base_ and moved_.
   void move(const double* matrices, const UpdateOptions& options, const Positions* deformed_base);
+  void move_bound(const double* matrices, const UpdateOptions& options,
+                  const Positions* deformed_base);
   void take_matrices(const double* matrices);
   /// Finds the rotations of free handles and sets their motions and turns.
   void rotate_free_handles(const UpdateOptions& options, std::vector<double>& turns);
@@ -116,7 +129,7 @@ class Deformer {
   /// floats.
   void require_floats();
   /// Converts rows in BoundSurface::order(), in the unit box, to n×3 vectors or positions in the
-  /// mesh's units.
+  /// mesh's units. Vectors outside of the part that is bound aren't written.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions positions_in_mesh(const Rows& rows) const;
 
@@ -124,6 +137,8 @@ class Deformer {
   BindOptions bind_options_;
   Mesh mesh_;
   Region region_;
+  std::unique_ptr<MeshPart> part_;  // what is bound; null: the whole mesh
+  std::vector<int> degenerate_;
   UnitBox box_;
   std::unique_ptr<BaseProxy> proxy_;
   std::unique_ptr<BoundSurface> bound_;

@@ -70,6 +70,7 @@ struct Borders {
 /// Connected components: for each vertex the number of its own, connected through triangles. A
 /// vertex without a triangle is a component by itself.
 struct Components {
+  Components() = default;
   Components(const Triangles& triangles, int vertex_count);
   std::vector<int> of_vertex;
   int count = 0;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/base_surface.h"
+#include "reconstruction/whole_surface.h"
 
 namespace dd {
 
@@ -105,7 +106,7 @@ bool find_projection(const NormalPrism& prism, const Vector3d& point, Projection
 /// S_level of `levels` surfaces: S smoothed over a length that grows geometrically from the mean
 /// edge length to √(free area).
 Positions intermediate(const BoundSurface& bound, int level, int levels) {
-  const double edge = mean_edge_length(bound.mesh.positions, bound.mesh.triangles);
+  const double edge = whole_mean_edge_length(bound);
   double area = 0;
   for (int v : bound.region.free) area += bound.operators.masses[v];
   const double growth = std::max(std::sqrt(area) / edge, 1.0);

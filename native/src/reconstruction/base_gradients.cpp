@@ -3,11 +3,11 @@
 
 #include <Eigen/LU>
 
-#include "mesh/topology.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "reconstruction/corner_flux.h"
 #include "reconstruction/gradients.h"
+#include "reconstruction/whole_surface.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -103,7 +103,7 @@ class BaseGradientsOf : public BaseGradients {
                {}});
     handle_of_.clear();
     if (made->collapsed.size() > 0) {
-      const Components components(mesh.triangles, mesh.vertex_count());
+      const Components components = components_of(surface_);
       const std::vector<int> lone = lone_handles(surface_.region, components);
       handle_of_.assign(static_cast<size_t>(mesh.triangle_count()), -1);
       for (int j = 0; j < mesh.triangle_count(); ++j)

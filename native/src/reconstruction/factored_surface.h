@@ -10,6 +10,8 @@
 
 namespace dd {
 
+struct WholeSurface;
+
 /// A surface with its operators and its factored Poisson system, as all reconstructions need it.
 struct FactoredSurface {
   /// mesh: validated, in a box of about unit size, as tolerances assume. region must outlive this.
@@ -29,7 +31,8 @@ struct FactoredSurface {
   std::vector<int> faces_with_free_corners() const;
   double bytes() const;
 
-  Mesh mesh;  ///< S
+  Mesh mesh;                                  ///< S, or a part of it
+  std::shared_ptr<const WholeSurface> whole;  ///< where that is a part; else null
   const Region& region;
   Stiffness stiffness;
   std::optional<SurfaceOperators> even;  ///< if the stiffness varies

@@ -5,22 +5,13 @@
 #include <limits>
 #include <numeric>
 #include <queue>
-#include <tuple>
 #include <utility>
-#include <vector>
 
 namespace dd {
 
 FreeLengths free_lengths(const FactoredSurface& surface) {
   const PoissonSystem& poisson = *surface.poisson;
   const Mesh& mesh = surface.mesh;
-  const int count = poisson.active_vertex_count();
-  struct Neighbour {
-    int index;
-    double length;
-  };
-  // Neighbours of vertex i: from begin[i] to begin[i + 1], twice where two faces meet.
-  std::vector<int> begin(size_t(count) + 1, 0);
   std::vector<std::tuple<int, int, double>> edges;
   for (int j : surface.faces_with_free_corners())
     for (int k = 0; k < 3; ++k) {
@@ -28,9 +19,26 @@ FreeLengths free_lengths(const FactoredSurface& surface) {
       const int a = poisson.active_index_of_vertex(v), b = poisson.active_index_of_vertex(w);
       if (a < 0 || b < 0) continue;
       edges.emplace_back(a, b, (mesh.positions.row(v) - mesh.positions.row(w)).norm());
-      ++begin[size_t(a) + 1];
-      ++begin[size_t(b) + 1];
     }
+  std::vector<int> rim_roles;
+  for (int row : poisson.rims())
+    rim_roles.push_back(surface.region.role[size_t(surface.order().vertex_of_row[size_t(row)])]);
+  return free_lengths(surface.order().free_count, rim_roles, edges);
+}
+
+FreeLengths free_lengths(int free_count, const std::vector<int>& rim_roles,
+                         const std::vector<std::tuple<int, int, double>>& edges) {
+  const int count = free_count + static_cast<int>(rim_roles.size());
+  struct Neighbour {
+    int index;
+    double length;
+  };
+  // Neighbours of vertex i: from begin[i] to begin[i + 1], twice where two faces meet.
+  std::vector<int> begin(size_t(count) + 1, 0);
+  for (const auto& [a, b, length] : edges) {
+    ++begin[size_t(a) + 1];
+    ++begin[size_t(b) + 1];
+  }
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
   std::vector<Neighbour> neighbours(2 * edges.size());
   std::vector<int> next = begin;
@@ -63,8 +71,7 @@ FreeLengths free_lengths(const FactoredSurface& surface) {
   const auto reach = [&](int index, const Label& by) {
     if (labels[size_t(index)].improve(by)) front.emplace(by.distance, by.role, index);
   };
-  for (int i = surface.order().free_count; i < count; ++i)
-    reach(i, {0, surface.region.role[size_t(poisson.active_vertex(i))]});
+  for (int i = free_count; i < count; ++i) reach(i, {0, rim_roles[size_t(i - free_count)]});
   while (!front.empty()) {
     const auto [distance, role, index] = front.top();
     front.pop();

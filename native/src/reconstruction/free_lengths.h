@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <tuple>
+#include <vector>
+
 #include "reconstruction/factored_surface.h"
 
 namespace dd {
@@ -13,5 +16,9 @@ struct FreeLengths {
   Eigen::VectorXd lengths;
 };
 FreeLengths free_lengths(const FactoredSurface& surface);
+/// The same of a graph with free nodes, then rims with these roles. edges: two nodes and the length
+/// between them, each edge any number of times.
+FreeLengths free_lengths(int free_count, const std::vector<int>& rim_roles,
+                         const std::vector<std::tuple<int, int, double>>& edges);
 
 }  // namespace dd

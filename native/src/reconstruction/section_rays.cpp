@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "mesh/triangles.h"
+#include "reconstruction/whole_surface.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -26,8 +27,6 @@ constexpr double kOfAngleInside = 0.75;
 // of that thickness keep their sections; with 0.7, 36 poses of public meshes, of slabs cut out of
 // bodies, have 173 new intersecting pairs in place of 124.
 constexpr double kHalfThickness = 0.5;
-// Farther sides, of which less than 1e-3 would count, are not looked for.
-constexpr double kReach = 1.2;
 
 /// How much of a side at this distance counts.
 double share_at(double distance, double free_length) {
@@ -46,35 +45,17 @@ Mesh triangles_near(const Mesh& mesh, const std::vector<int>& vertices, double d
   return {mesh.positions, mesh.triangles(near, kAllIndices)};
 }
 
-/// By component: 1, or -1 where the triangles of a closed one face inwards, so that its volume is
-/// negative; the volume of an open one is that of the cone over it.
-std::vector<double> outward_signs(const Mesh& mesh, const Components& components) {
-  std::vector<double> volumes(size_t(components.count), 0.0);
-  std::vector<int> apex(size_t(components.count), -1);
-  for (Index j = 0; j < mesh.triangles.rows(); ++j) {
-    const auto corner = mesh.triangles.row(j);
-    const auto component = size_t(components.of_vertex[size_t(corner[0])]);
-    if (apex[component] < 0) apex[component] = corner[0];
-    const auto from_apex = [&](int k) -> Eigen::Vector3d {
-      return (mesh.positions.row(corner[k]) - mesh.positions.row(apex[component])).transpose();
-    };
-    volumes[component] += from_apex(0).dot(from_apex(1).cross(from_apex(2)));
-  }
-  for (double& volume : volumes) volume = volume < 0 ? -1 : 1;
-  return volumes;
-}
-
 }  // namespace
 
 SectionRays::SectionRays(const FactoredSurface& surface, const Triangles& triangles,
                          const std::vector<int>& vertices, double longest)
     : beyond_(1e-6 * surface.active_size),
-      near_(triangles_near({surface.mesh.positions, triangles}, vertices, kReach * longest)),
+      near_(triangles_near({surface.mesh.positions, triangles}, vertices, kSectionReach * longest)),
       fans_(near_.triangles, near_.vertex_count()),
       tree_(near_),
       normals_(summed_normals(near_.positions, near_.triangles)),
-      components_(surface.mesh.triangles, surface.mesh.vertex_count()),
-      outwards_(outward_signs(surface.mesh, components_)) {}
+      components_(components_of(surface)),
+      outwards_(outward_signs(surface, components_)) {}
 
 double SectionRays::angle_inside(int vertex, const Eigen::Vector3d& normal,
                                  const Eigen::Vector3d& side) const {
@@ -96,7 +77,7 @@ PointOnTriangle SectionRays::exit(int vertex, const Eigen::Vector3d& direction,
                                   double free_length) const {
   const int component = component_of(vertex);
   return tree_.first_exit(near_.positions.row(vertex).transpose(), direction,
-                          {beyond_, kReach * free_length, outwards_at(vertex)},
+                          {beyond_, kSectionReach * free_length, outwards_at(vertex)},
                           [&](int j) { return component_of(near_.triangles(j, 0)) == component; });
 }
 

@@ -12,6 +12,9 @@ namespace dd {
 
 /// Rays from a vertex into the inside, within the plane of its cross-section.
 constexpr int kSectionRays = 3;
+/// Their length, as a multiple of the free length. Farther sides, of which less than 1e-3 would
+/// count, are not looked for.
+constexpr double kSectionReach = 1.2;
 
 /// What the rays from one vertex meet.
 struct SectionSample {
