@@ -372,8 +372,8 @@ void scale(const std::vector<int>& sides, Report& report) {
   report.add("update_exponent", exponent(updates, from));
 }
 
-/// A patch of some 8,000 vertices on planes of these sides, bound as a part of the mesh and with all
-/// of it, which gives the same bits.
+/// A patch of some 8,000 vertices on planes of these sides, bound as a part of the mesh and with
+/// all of it, which gives the same bits.
 void patch(const std::vector<int>& sides, Report& report) {
   std::printf("\n%10s %10s %10s %10s %10s %10s\n", "vertices", "bound", "bind ms", "first ms",
               "update ms", "held MB");

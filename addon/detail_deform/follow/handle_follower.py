@@ -57,8 +57,10 @@ def compare(ob):
     note_handles(ob)
     stale = binding_content.difference(Subject(ob))
     is_edited = stale in {binding_content.TOPOLOGY_CHANGED, binding_content.VERTICES_MOVED}
-    if is_edited and (deform_modifier.find(ob) is None or channel.is_lost(ob.data)):
-        what = "shape key" if channel.is_lost(ob.data) else "modifier"
+    # Tools that change the topology remove keys, too.
+    is_key_applied = stale == binding_content.VERTICES_MOVED and channel.is_lost(ob.data)
+    if is_edited and deform_modifier.find(ob) is None or is_key_applied:
+        what = "shape key" if is_key_applied else "modifier"
         return (f"The {what} was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
     if stale == binding_content.VERTICES_MOVED:

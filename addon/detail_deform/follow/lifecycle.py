@@ -228,7 +228,8 @@ def compare(ob):
     try:
         renamed_groups.update_names(ob)
         renamed_groups.store_names(ob)
-        channel.weights_changed(ob.data)
+        if ob.mode != 'EDIT' and not mesh_data.why_not_editable(ob):
+            channel.take_in_edits(ob)
         lost = kind and kind.compare(ob)
     except MemoryError:
         return  # the next update reports it

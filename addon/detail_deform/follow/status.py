@@ -150,7 +150,12 @@ def _shown_slow(ob):
 
 
 def _shown_by_key(ob):
-    name, wanting = display_key.find(ob.data).name, stack.wanting_mesh(ob)
+    key, wanting = display_key.find(ob.data), stack.wanting_mesh(ob)
+    if key.value == 0:
+        return f"The value of its shape key '{key.name}' is 0, so nothing is seen."
+    if not wanting and ob.detail_deform.show_as != 'SHAPE_KEY':
+        return f"The shape key '{key.name}' shows the deformation and stays, as its value is keyed or driven."
+    name = key.name
     why = f", which acts before '{wanting[0].name}'" if wanting else ""
     return f"The shape key '{name}' shows the deformation{why}."
 

@@ -7,7 +7,7 @@ import bpy
 
 from ..follow import messages
 from ..library import native
-from ..scene import mesh_data, source_pose, transferred
+from ..scene import display_key, mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from . import frames, key_names
 from .outcome import Outcome, listed, reasons
@@ -24,7 +24,8 @@ def chosen(source, active_only, pattern):
     if active_only:
         if source.active_shape_key in blocks:
             return [source.active_shape_key]
-        raise MeshProblem(f"The active shape key of '{source.name}' is its basis: choose another one.")
+        raise MeshProblem(f"The active shape key of '{source.name}' is its basis, or the one that shows Detail Deform: "
+                          "choose another one.")
     fitting = [key for key in blocks if key.name == pattern
                or fnmatch.fnmatchcase(key.name.lower(), (pattern or '*').lower())]
     if not fitting:
@@ -160,7 +161,7 @@ _SETTERS = {'range': _set_range, 'vertex group': _set_group}
 def _remarks_on_renamed(target, made):
     """Remarks on keys that have another name than requested, because the target has a key of its own with that one.
     made: {requested name: actual}"""
-    there = set(target.data.shape_keys.key_blocks.keys()) - set(made.values())
+    there = {key.name for key in display_key.others(target.data)} - set(made.values())
     others = [f"'{made[name]}' beside '{name}'" for name in made if made[name] != name and name in there]
     return [f"Made beside keys of its own, which Replace would take: {', '.join(others)}."] if others else []
 

@@ -12,11 +12,16 @@ _CHANNELS = ('location', 'rotation_euler', 'rotation_quaternion', 'rotation_axis
 
 def curves(action, slot=None):
     """[FCurve] of an action, of all its slots unless one is given."""
+    return [curve for container in _containers(action, slot) for curve in container]
+
+
+def _containers(action, slot=None):
+    """[collection of FCurve]"""
     if not hasattr(action, 'layers') or not action.layers:  # before 4.4
-        return list(getattr(action, 'fcurves', ()))
+        return [action.fcurves] if hasattr(action, 'fcurves') else []
     slots = [slot] if slot else list(action.slots)
     bags = [strip.channelbag(s) for layer in action.layers for strip in layer.strips for s in slots]
-    return [curve for bag in bags if bag for curve in bag.fcurves]
+    return [bag.fcurves for bag in bags if bag]
 
 
 def is_driven(owner, name):
@@ -27,9 +32,23 @@ def is_driven(owner, name):
 
 def is_animated(owner, name):
     """Whether the active action or that of an NLA strip of _strips() has an F-curve for this property."""
-    animation, path = owner.id_data.animation_data, owner.path_from_id(name)
+    return is_path_animated(owner.id_data, owner.path_from_id(name))
+
+
+def is_path_animated(data, path):
+    """The same for a property of a data-block."""
+    animation = data.animation_data
     found = [animation.action, *(strip.action for strip in _strips(animation))] if animation else ()
     return any(curve.data_path == path for action in found if action for curve in curves(action))
+
+
+def remove_curves(owner, name):
+    """Removes the F-curves of this property from the active action."""
+    animation, path = owner.id_data.animation_data, owner.path_from_id(name)
+    action = animation.action if animation else None
+    for container in _containers(action) if action else ():
+        for curve in [curve for curve in container if curve.data_path == path]:
+            container.remove(curve)
 
 
 def keyframe_times(ob):

@@ -55,5 +55,5 @@ def add_key(ob, name, offsets):
         ob.shape_key_add(name="Basis", from_mix=False)
     key = ob.shape_key_add(name=name, from_mix=False)
     key.value = 0.0  # from 5.2 on, new keys have the value 1
-    _move(key.data, offsets)
+    set_key(ob, key, offsets)  # the vertices, which a new key has, may be others than the reference's
     return key

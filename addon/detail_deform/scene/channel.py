@@ -19,8 +19,10 @@ _SHOWN_IN_EDIT_MODE = 'detail_deform_key_in_edit_mode'
 
 
 def wants_key(ob):
-    """Whether a shape key is to display the deformation."""
-    how = ob.detail_deform.show_as
+    """Whether a shape key is to display the deformation. One whose value is animated stays, as that would be lost."""
+    how, key = ob.detail_deform.show_as, display_key.find(ob.data)
+    if key is not None and display_key.is_animated(key):
+        return True
     if how == 'MODIFIER' or how == 'AUTO' and not stack.wanting_mesh(ob):
         return False
     return not stack.why_no_key(ob)
@@ -43,11 +45,14 @@ def settle(ob, depsgraph):
     modifier, key = deform_modifier.find(ob), display_key.find(ob.data)
     wanted = modifier is not None and wants_key(ob)
     if depsgraph.mode != 'RENDER':
-        if key is not None and not wanted:
+        if not wanted:
             remove_key(ob)
-        elif key is None and wanted and offset_attribute.find(ob.data) is not None:
+            key = None
+        elif key is None and offset_attribute.find(ob.data) is not None:
             key = _add_key(ob)
-    if key is None or not wanted:
+    if modifier is not None:
+        deform_modifier.set_passing(modifier, key is not None)
+    if key is None or not wanted or not display_key.may_be_written(ob.data, key):
         return
     if not is_shown(ob, modifier, depsgraph):
         _show_rest(ob.data, key)
@@ -66,15 +71,18 @@ def write(ob, offsets):
     """Writes the offsets, (3 n,) float32, as offset_attribute.write(), and displays them."""
     offset_attribute.write(ob.data, offsets)
     key, modifier = display_key.find(ob.data), deform_modifier.find(ob)
-    if key is not None and modifier is not None and _HELD in ob.data:
+    if (key is not None and modifier is not None and _HELD in ob.data
+            and display_key.may_be_written(ob.data, key)):
         _hold(ob, modifier, key, offsets.reshape(-1, 3))
 
 
 def show_rest(ob):
-    """Removes the offsets. The key stays, as the modifier does, since its value may be animated."""
+    """Removes the offsets. A key whose value is animated stays, at rest, as the modifier does."""
     offset_attribute.remove(ob.data)
     key = display_key.find(ob.data)
-    if key is not None:
+    if key is None or not display_key.is_animated(key):
+        remove_key(ob)
+    elif display_key.may_be_written(ob.data, key):
         _show_rest(ob.data, key)
 
 
@@ -84,13 +92,29 @@ def remove(ob):
     deform_modifier.remove(ob)
 
 
-def weights_changed(mesh):
-    """To be called when vertex groups may have been painted: weights that the key's offsets were multiplied by."""
-    if str(mesh.get(_HELD, "")).endswith(_MASKED):
-        mesh[_HELD] = ""  # held, but to be written anew
+def take_in_edits(ob):
+    """To be called when the mesh may have been edited: what the key holds may have been changed with it, or is to be.
+    ob: may be written to, and is not in Edit Mode."""
+    mesh, key = ob.data, display_key.find(ob.data)
+    if key is None:
+        if not display_key.has_had_one(mesh):
+            _remove_joined(ob)
+        return
+    if not display_key.may_be_written(mesh, key):
+        return
+    rest, modifier = mesh_data.rest_positions(mesh), deform_modifier.find(ob)
+    if _MADE_REFERENCE in mesh and len(mesh.shape_keys.key_blocks) == 2 and ob.active_shape_key != key:
+        own = mesh_data.positions(mesh)  # a script, for which there are no keys, moves these alone
+        if not np.array_equal(own, rest):
+            _set_points(mesh, mesh.shape_keys.reference_key, own)
+            rest = own
+    if _HELD in mesh and modifier is not None:
+        held = rest + _masked(ob, modifier, offset_attribute.read(mesh))
+        if not np.array_equal(mesh_data.key_positions(key), held.astype(np.float32)):
+            mesh[_HELD] = ""  # to be written anew
 
 
-_MASKED = " masked"  # ends the property where the offsets were multiplied by weights
+_MULTIPLIED = " multiplied"  # ends the property where the offsets were multiplied by weights
 
 
 def _mask(ob, modifier):
@@ -101,19 +125,24 @@ def _mask(ob, modifier):
     return (name, False) if is_there and not invert else ("", bool(name))
 
 
+def _masked(ob, modifier, offsets):
+    return offsets * deform_modifier.influence_weights(ob, modifier) if _mask(ob, modifier)[1] else offsets
+
+
 def _to_hold(ob, modifier):
     group, multiplied = _mask(ob, modifier)
-    return f"{offset_attribute.token(ob.data)} {group if not multiplied else ''}{_MASKED * multiplied}"
+    return f"{offset_attribute.token(ob.data)} {group}{_MULTIPLIED * multiplied}"
 
 
 def _hold(ob, modifier, key, offsets):
-    group, multiplied = _mask(ob, modifier)
-    if multiplied:
-        offsets = offsets * deform_modifier.influence_weights(ob, modifier)
+    mesh, group = ob.data, _mask(ob, modifier)[0]
     if key.vertex_group != group:
         key.vertex_group = group
-    _set_points(ob.data, key, mesh_data.rest_positions(ob.data) + offsets)
-    ob.data[_HELD] = _to_hold(ob, modifier)
+    if key.relative_key != mesh.shape_keys.reference_key:
+        key.relative_key = mesh.shape_keys.reference_key
+    display_key.keep_alone(mesh, key)
+    _set_points(mesh, key, mesh_data.rest_positions(mesh) + _masked(ob, modifier, offsets))
+    mesh[_HELD] = _to_hold(ob, modifier)
 
 
 def _show_rest(mesh, key):
@@ -142,32 +171,54 @@ def _add_key(ob):
     key = ob.shape_key_add(name=display_key.NAME, from_mix=False)
     display_key.mark(mesh, key)
     key.relative_key, key.value = mesh.shape_keys.reference_key, factor
+    _set_points(mesh, key, mesh_data.rest_positions(mesh))  # the vertices, which it has, may be others
     if hasattr(key, 'lock_shape'):
         key.lock_shape = True  # the next update would overwrite what is edited
     ob.active_shape_key_index = active
     mesh.pop(_HELD, None)
-    deform_modifier.set_passing(modifier, True)
+    path = deform_modifier.animated_factor_path(ob, modifier)
+    if path:
+        display_key.drive(key, ob, path)
     return key
 
 
 def remove_key(ob):
     """Has the modifier display the offsets, if a shape key does."""
-    if not display_key.has_had_one(ob.data):
-        return
     mesh, key, modifier = ob.data, display_key.find(ob.data), deform_modifier.find(ob)
-    if modifier is not None:
-        if key is not None:
-            deform_modifier.set_factor(modifier, key.value)
-        deform_modifier.set_passing(modifier, False)
+    if not display_key.has_had_one(mesh):
+        return
     if key is not None:
-        active = ob.active_shape_key_index
-        position = mesh.shape_keys.key_blocks.find(key.name)
-        ob.shape_key_remove(key)
-        ob.active_shape_key_index = active - (active > position)
+        if modifier is not None and not display_key.is_driven(key):
+            deform_modifier.set_factor(modifier, key.value)
+        if modifier is not None and key.mute:
+            modifier.show_viewport = modifier.show_render = False
+        _take_out(ob, key)
         if len(mesh.shape_keys.key_blocks) == 1 and _MADE_REFERENCE in mesh:
             ob.shape_key_clear()
+    if modifier is not None:
+        deform_modifier.set_passing(modifier, False)
     if _SHOWN_IN_EDIT_MODE in mesh:
         ob.use_shape_key_edit_mode = False
     display_key.forget(mesh)
     for name in (_HELD, _MADE_REFERENCE, _SHOWN_IN_EDIT_MODE):
         mesh.pop(name, None)
+
+
+def _take_out(ob, key):
+    """Removes the key, and the animation of its value, which another key of its name would get."""
+    position, active = ob.data.shape_keys.key_blocks.find(key.name), ob.active_shape_key_index
+    if active == position:
+        ob.show_only_shape_key = False  # another key would be shown alone
+    display_key.remove_animation(key)
+    ob.shape_key_remove(key)
+    ob.active_shape_key_index = max(active - (active >= position), 0)
+
+
+def _remove_joined(ob):
+    """Removes the key of another object that was joined to this one, whose offsets the modifier displays with its
+    own."""
+    joined = display_key.of_another(ob.data)
+    if joined is not None:
+        _take_out(ob, joined)
+        if len(ob.data.shape_keys.key_blocks) == 1:
+            ob.shape_key_clear()

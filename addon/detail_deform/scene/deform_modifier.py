@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from . import display_key, mesh_data, node_group, node_inputs
+from . import actions, display_key, mesh_data, node_group, node_inputs
 
 
 def find(ob):
@@ -73,6 +73,16 @@ def factor_property(ob, modifier):
         return None
     identifier, inputs = socket.identifier, node_inputs.values_of(modifier)
     return (getattr(inputs, identifier), 'value') if inputs is not None else (modifier, f'["{identifier}"]')
+
+
+def animated_factor_path(ob, modifier):
+    """The data path of the modifier's own Factor, where it is keyed or driven; else ''."""
+    socket, inputs = node_inputs.socket_of(modifier.node_group, 'Factor'), node_inputs.values_of(modifier)
+    if socket is None or ob.animation_data is None:
+        return ""
+    path = (f'{modifier.path_from_id()}["{socket.identifier}"]' if inputs is None else
+            getattr(inputs, socket.identifier).path_from_id('value'))
+    return path if actions.is_path_animated(ob, path) or ob.animation_data.drivers.find(path) else ""
 
 
 def factor(ob, modifier):

@@ -2,10 +2,12 @@
 """The shape key that displays the offsets of a mesh in place of the deformation's modifier (channel.py). It is the
 add-on's own: whatever reads the shape keys of a mesh leaves it out."""
 
+from . import actions
+
 NAME = 'Detail Deform'
 # Interpolation has no effect on relative keys, and a shape key can hold no custom property: this value tells the
 # add-on's key, which keeps it when it is renamed, copied, saved and undone.
-_MARK = 'KEY_BSPLINE'
+_MARK, _UNMARKED = 'KEY_BSPLINE', 'KEY_LINEAR'
 _NAME = 'detail_deform_key'  # custom property of the mesh: the key's name when it was made
 
 
@@ -13,10 +15,15 @@ def find(mesh):
     """The ShapeKey, or None."""
     if not has_had_one(mesh) or mesh.shape_keys is None:
         return None
-    keys = mesh.shape_keys
-    named = keys.key_blocks.get(mesh[_NAME])
-    return next((key for key in (named, *keys.key_blocks)
-                 if key is not None and key.interpolation == _MARK and key != keys.reference_key), None)
+    blocks = mesh.shape_keys.key_blocks
+    return next((key for key in (blocks.get(mesh[_NAME]), *blocks)
+                 if key is not None and key.interpolation == _MARK), None)
+
+
+def of_another(mesh):
+    """The key of another object's mesh that was joined to this one, which has none of its own; or None."""
+    key = mesh.shape_keys.key_blocks.get(NAME) if mesh.shape_keys and not has_had_one(mesh) else None
+    return key if key is not None and key.interpolation == _MARK else None
 
 
 def has_had_one(mesh):
@@ -32,9 +39,21 @@ def others(mesh):
     return [key for key in mesh.shape_keys.key_blocks if key != own]
 
 
+def may_be_written(mesh, key):
+    """Whether it is a key of all vertices, and not the reference of all keys."""
+    return key != mesh.shape_keys.reference_key and len(key.data) == len(mesh.vertices)
+
+
 def mark(mesh, key):
     """Makes a key the add-on's own."""
     key.interpolation, mesh[_NAME] = _MARK, key.name
+
+
+def keep_alone(mesh, own):
+    """Makes copies of the key the user's own."""
+    for key in mesh.shape_keys.key_blocks:
+        if key.interpolation == _MARK and key != own:
+            key.interpolation = _UNMARKED
 
 
 def forget(mesh):
@@ -42,13 +61,18 @@ def forget(mesh):
 
 
 def why_hidden(ob):
-    """A sentence where the user has switched the key off, in the list of shape keys; or ''."""
+    """A sentence where the key doesn't display the deformation because of what was done in the list of shape keys; or
+    ''."""
     key = find(ob.data)
     if key is None:
         return ""
-    if ob.show_only_shape_key and ob.active_shape_key != key:
-        return (f"The shape key '{ob.active_shape_key.name}' is shown alone, so the deformation isn't seen, and "
-                "nothing is computed: click the pin under the list of shape keys.")
+    if key == ob.data.shape_keys.reference_key:
+        return (f"Its shape key '{key.name}' has become the first, from which all others start, so nothing is "
+                "computed: move it down in the list of shape keys.")
+    alone = ob.active_shape_key if ob.show_only_shape_key else None
+    if alone is not None and alone != key:
+        return (f"The shape key '{alone.name}' is shown alone, so the deformation isn't seen, and nothing is computed: "
+                "click the pin under the list of shape keys.")
     if key.mute:
         return f"Its shape key '{key.name}' is muted, so nothing is computed: switch it on in the list of shape keys."
     return ""
@@ -59,3 +83,40 @@ def factor(ob, key):
     if why_hidden(ob):
         return 0.0
     return 1.0 if ob.show_only_shape_key else key.value
+
+
+# Animation of its value
+
+_VARIABLE = 'detail_deform_factor'
+
+
+def drive(key, ob, path):
+    """Has the value follow the factor of the modifier, an animated property of the object. Only where it is animated:
+    the driver makes Blender evaluate the mesh anew whenever the object moves."""
+    driver = key.driver_add('value').driver
+    driver.type = 'AVERAGE'
+    variable = driver.variables.new()
+    variable.name, variable.type = _VARIABLE, 'SINGLE_PROP'
+    variable.targets[0].id, variable.targets[0].data_path = ob, path
+
+
+def _driver(key):
+    animation = key.id_data.animation_data
+    return animation.drivers.find(key.path_from_id('value')) if animation else None
+
+
+def is_driven(key):
+    """Whether the value follows the modifier's factor."""
+    found = _driver(key)
+    return found is not None and any(variable.name == _VARIABLE for variable in found.driver.variables)
+
+
+def is_animated(key):
+    """Whether the user has keyed or driven the value."""
+    return actions.is_animated(key, 'value') or _driver(key) is not None and not is_driven(key)
+
+
+def remove_animation(key):
+    if _driver(key) is not None:
+        key.driver_remove('value')
+    actions.remove_curves(key, 'value')

@@ -114,9 +114,10 @@ def wanting_mesh(ob):
 
 
 def overwriting(ob):
-    """[modifier]: those that overwrite positions, but for the deformation's baked cache."""
+    """[modifier]: those shown that overwrite positions, but for the deformation's baked cache."""
     cache = cache_modifier.find(ob)
-    return [modifier for modifier in ob.modifiers if modifier != cache and overwrites(modifier)]
+    return [modifier for modifier in ob.modifiers if (modifier.show_viewport or modifier.show_render)
+            and modifier != cache and overwrites(modifier)]
 
 
 def why_no_key(ob):

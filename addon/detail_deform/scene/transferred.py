@@ -3,7 +3,7 @@
 
 import json
 
-from . import apply_result, cache_modifier, stack
+from . import apply_result, cache_modifier, display_key, stack
 from .mesh_data import MeshProblem
 
 CACHE_NAME = "Detail Deform Transfer"
@@ -32,7 +32,7 @@ class KeyWriter:
     def __init__(self, target):
         self._target, self._made, self._done, self._last = target, transferred_keys(target), set(), None
         keys = target.data.shape_keys
-        self._blocks = {key.name: key for key in keys.key_blocks if key != keys.reference_key} if keys else {}
+        self._blocks = {key.name: key for key in display_key.others(target.data) if key != keys.reference_key}
         self._of_origin = {}
         for name, given in self._made.items():
             self._of_origin.setdefault(_hashable(given), []).append(name)
