@@ -21,7 +21,8 @@ BLENDERS = {
     "Levels Viewport", "Live", "Lock Interface", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache",
     "Mesh", "Mirror", "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old",
     "Output", "P", "PC2", "Preferences", "Properties", "R", "Relations", "Relative", "Render", "Render U", "Resolution",
-    "S", "Select More", "Selected Objects and Data", "Shape", "Shape Key", "Shape Keys", "Shift", "Soft Body",
+    "S", "Sculpt Mode", "Select More", "Selected Objects and Data", "Shape", "Shape Key", "Shape Keys", "Shift",
+    "Soft Body",
     "Subdivision", "Tab",
     "Time Stretching", "Vertex", "Visual Geometry to Mesh", "X", "Y", "Z"}
 # Names of data that the add-on makes, and other words with a capital.
