@@ -576,7 +576,7 @@ typedef struct dd_deformer_info {
   int32_t resting_example;
   int32_t loose_count; /* free vertices without a face: they stay at rest */
   int32_t loose_example;
-  int32_t degenerate_count; /* triangles without a usable area, given a tiny one */
+  int32_t degenerate_count; /* triangles without a usable area, given a tiny one, near the region */
   int32_t degenerate_example;
   int32_t idle_handle_count; /* handles without a free vertex beside them: nothing follows them */
   int32_t idle_handle_example;

@@ -107,7 +107,6 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   linear_.assign(static_cast<size_t>(handle_count), Eigen::Matrix3d::Identity());
   base_ = bound_->rest_base;
   moved_ = Rows::Zero(base_.rows(), 4);
-  offsets_ = Positions::Zero(mesh_.vertex_count(), 3);
   report(progress, 1.0, Stage::done);
 }
 
@@ -134,6 +133,7 @@ Deformer::~Deformer() = default;
 const Positions& Deformer::update(const double* matrices, const UpdateOptions& options,
                                   const Positions* deformed_base) {
   move(matrices, options, deformed_base);
+  if (offsets_.rows() == 0) offsets_ = Positions::Zero(mesh_.vertex_count(), 3);
   scale_to_mesh(moved_, offsets_);
   return offsets_;
 }
