@@ -80,22 +80,22 @@ class LooseParts:
 
     def __init__(self, rest, triangles, faces, edges, roles, copies):
         """As riding.RidingParts."""
-        corners = triangles[:, [0, 1, 1, 2]].reshape(-1, 2)
-        _, numbers = np.unique(components.labels(len(rest), np.concatenate([corners, edges])), return_inverse=True)
+        firsts = components.labels(len(rest), edges)  # which join the corners of all faces, too
+        numbers = (np.cumsum(firsts == np.arange(len(firsts))) - 1)[firsts]
         count = numbers.max(initial=-1) + 1
         self.of_triangle = numbers[triangles[:, 0]]
         numbers[copies] = count  # in no part
-        self._of_vertex = numbers
-        self._order = np.argsort(numbers, kind='stable')
-        self._begin = np.searchsorted(numbers[self._order], np.arange(count + 1))
         self._held, self._free = (np.bincount(numbers[chosen], minlength=count + 1)[:count] > 0
                                   for chosen in (roles >= 0, roles == native.ROLE_FREE))
-        there = np.flatnonzero(np.diff(self._begin) > 0)
+        there = np.flatnonzero(np.bincount(numbers, minlength=count + 1)[:count])
         self._loose = there[~self._held[there]]
         self.counts, self.bending, self.rigid = Counts(), None, None
         if not len(self._loose) or not np.isfinite(rest).all():  # most meshes; those whose bind is refused
             self._loose = self._loose[:0]
             return
+        self._of_vertex = numbers
+        self._order = np.argsort(numbers, kind='stable')
+        self._begin = np.searchsorted(numbers[self._order], np.arange(count + 1))
         self.triangles, self._faces = triangles, faces()
         self._by_face = np.argsort(self._faces, kind='stable')
         self._begin_of_face = np.searchsorted(self._faces[self._by_face], np.arange(self._faces.max(initial=-1) + 2))

@@ -152,7 +152,7 @@ class Deformer {
   bool free_turns_solid_ = false;  // whether they know of limbs
   Rows base_, moved_;              // B' and the displacement, in BoundSurface::order(), unit box
   std::unique_ptr<CarriedComponents> carried_;  // null: there are none
-  Positions offsets_;  // made by the first update()
+  Positions offsets_;                           // made by the first update()
 };
 
 }  // namespace dd
