@@ -155,9 +155,8 @@ def _shown_by_key(ob):
         return f"The value of its shape key '{key.name}' is 0, so nothing is seen."
     if not wanting and ob.detail_deform.show_as != 'SHAPE_KEY':
         return f"The shape key '{key.name}' shows the deformation and stays, as its value is keyed or driven."
-    name = key.name
     why = f", which acts before '{wanting[0].name}'" if wanting else ""
-    return f"The shape key '{name}' shows the deformation{why}."
+    return f"The shape key '{key.name}' shows the deformation{why}."
 
 
 def _names(names):
