@@ -630,6 +630,113 @@ def test_vertices_that_are_not_where_the_first_key_is():
     assert np.abs(evaluated(ob) - shown).max() < 1e-6
 
 
+@pytest.mark.parametrize('active', [1, 2], ids=['ours', 'mine'])
+def test_subdivided_with_another_key_active(active):
+    """Blender gives new vertices the place that they have in the active key, the first key keeps the rest."""
+    ob = bind(make_strip(13))
+    choose(ob, show_as='SHAPE_KEY')
+    pose(ob)
+    if active == 2:
+        add_key(ob, "Mine").data.foreach_set('co', (own(ob) + (0, 0, 0.4)).astype(np.float32).ravel())
+    ob.active_shape_key_index = active
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.mesh.select_all(action='SELECT')
+    bpy.ops.mesh.subdivide()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    ob.active_shape_key_index = 0
+    ob.data.update_tag()
+    update()
+    reference = np.array([point.co for point in ob.data.shape_keys.reference_key.data])
+    assert reference[:, 2].max() < 0.1
+    if active == 2:
+        ob.shape_key_remove(ob.data.shape_keys.key_blocks["Mine"])
+    bpy.ops.object.detail_deform_remove()
+    update()
+    assert not keys(ob) and np.abs(evaluated(ob) - reference).max() < 1e-6
+
+
+def test_a_copys_keyframes_are_its_own_business():
+    ob = bind(make_strip(13))
+    choose(ob, show_as='SHAPE_KEY')
+    pose(ob)
+    for frame, value in ((1, 0.0), (11, 1.0)):
+        key(ob).value = value
+        key(ob).keyframe_insert('value', frame=frame)
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    activate(copy)
+    bpy.ops.object.detail_deform_remove()
+    bpy.context.scene.frame_set(1)
+    bpy.context.scene.frame_set(11)
+    assert abs(key(ob).value - 1) < 1e-6
+    bpy.context.scene.frame_set(1)
+    assert abs(key(ob).value) < 1e-6
+
+
+def test_the_first_key_is_removed():
+    ob = bind(make_strip(13))
+    choose(ob, show_as='SHAPE_KEY')
+    pose(ob)
+    ob.shape_key_remove(ob.data.shape_keys.reference_key)
+    update()
+    assert "Press Re-bind" in ob.detail_deform.status  # Blender has moved the vertices to where the key has them
+    bind(ob, keep_rest=True)
+    assert "has become the first" in ob.detail_deform.status
+    assert bpy.ops.object.detail_deform_remove() == {'FINISHED'}
+    assert not keys(ob)
+
+
+def test_a_key_that_came_by_joining_stays_where_it_displays():
+    ob = bind(make_strip(13, name="Other"))
+    choose(ob, show_as='SHAPE_KEY')
+    pose(ob)
+    plain = make_strip(13, name="Plain")
+    plain.location.y = plain.detail_deform.handles[0].target.location.y = 2.5
+    update()
+    ob.select_set(True)
+    bpy.ops.object.join()
+    update()
+    shown = evaluated(plain)
+    bind(plain)
+    plain.data.vertices[0].co.z += 0.001
+    plain.data.update()
+    update()
+    assert keys(plain) == ["Basis", KEY] and np.abs(evaluated(plain) - shown).max() < 0.002
+
+
+def test_a_script_copy_follows_its_own_factor(part):
+    ob = bind(make_strip(13))
+    deform_modifier = part('scene.deform_modifier')
+    owner, name = deform_modifier.factor_property(ob, deform_modifier.find(ob))
+    set_factor(part, ob, 0.5)
+    owner.keyframe_insert(name, frame=1)
+    choose(ob, show_as='SHAPE_KEY')
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    copy.animation_data.action = ob.animation_data.action.copy()
+    update()
+    driver = copy.data.shape_keys.animation_data.drivers[0].driver
+    assert driver.variables[0].targets[0].id == copy
+    ob.animation_data.action = None
+    update()
+    key(ob).value = 0.25
+    update()
+    assert abs(key(ob).value - 0.25) < 1e-6
+
+
+def test_a_vertex_that_is_nowhere():
+    ob = bind(make_strip(13))
+    choose(ob, show_as='SHAPE_KEY')
+    pose(ob)
+    ob.data.vertices[0].co.z = float('nan')
+    ob.data.update()
+    update()
+    assert "Press Re-bind" in ob.detail_deform.status
+
+
 def test_tools_that_drop_keys_leave_the_pose_to_rebind():
     ob = bind(make_sculpt())
     pose(ob)

@@ -63,7 +63,10 @@ def compare(ob):
         what = "shape key" if is_key_applied else "modifier"
         return (f"The {what} was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
+    if stale == binding_content.TOPOLOGY_CHANGED:
+        channel.take_in_joined(ob)
     if stale == binding_content.VERTICES_MOVED:
+        channel.take_in_moved_vertices(ob)
         carry_along(ob, bpy.context.evaluated_depsgraph_get())
     if of.stale != stale:
         if not is_edited:

@@ -153,7 +153,7 @@ def _shown_by_key(ob):
     key, wanting = display_key.find(ob.data), stack.wanting_mesh(ob)
     if key.value == 0:
         return f"The value of its shape key '{key.name}' is 0, so nothing is seen."
-    if not wanting and ob.detail_deform.show_as != 'SHAPE_KEY':
+    if display_key.is_animated(key) and not wanting and ob.detail_deform.show_as != 'SHAPE_KEY':
         return f"The shape key '{key.name}' shows the deformation and stays, as its value is keyed or driven."
     why = f", which acts before '{wanting[0].name}'" if wanting else ""
     return f"The shape key '{key.name}' shows the deformation{why}."

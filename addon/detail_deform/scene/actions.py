@@ -38,15 +38,18 @@ def is_animated(owner, name):
 def is_path_animated(data, path):
     """The same for a property of a data-block."""
     animation = data.animation_data
-    found = [animation.action, *(strip.action for strip in _strips(animation))] if animation else ()
-    return any(curve.data_path == path for action in found if action for curve in curves(action))
+    owners = [animation, *_strips(animation)] if animation else ()
+    played = {(owner.action, getattr(owner, 'action_slot', None)) for owner in owners if owner.action}
+    return any(curve.data_path == path for action, slot in played for curve in curves(action, slot))
 
 
 def remove_curves(owner, name):
-    """Removes the F-curves of this property from the active action."""
+    """Removes the F-curves of this property from the active action, unless others play that, too."""
     animation, path = owner.id_data.animation_data, owner.path_from_id(name)
     action = animation.action if animation else None
-    for container in _containers(action) if action else ():
+    if action is None or action.users > 1 + action.use_fake_user:
+        return
+    for container in _containers(action, getattr(animation, 'action_slot', None)):
         for curve in [curve for curve in container if curve.data_path == path]:
             container.remove(curve)
 

@@ -52,6 +52,8 @@ def settle(ob, depsgraph):
             key = _add_key(ob)
     if modifier is not None:
         deform_modifier.set_passing(modifier, key is not None)
+    if key is not None and modifier is not None and depsgraph.mode != 'RENDER' and ob.animation_data:
+        display_key.drive(key, ob, deform_modifier.animated_factor_path(ob, modifier))
     if key is None or not wanted or not display_key.may_be_written(ob.data, key):
         return
     if not is_shown(ob, modifier, depsgraph):
@@ -93,25 +95,38 @@ def remove(ob):
 
 
 def take_in_edits(ob):
-    """To be called when the mesh may have been edited: what the key holds may have been changed with it, or is to be.
-    ob: may be written to, and is not in Edit Mode."""
-    mesh, key = ob.data, display_key.find(ob.data)
-    if key is None:
-        if not display_key.has_had_one(mesh):
-            _remove_joined(ob)
+    """To be called when the mesh may have been edited: what the key holds may have been changed with it. ob: may be
+    written to, and is not in Edit Mode."""
+    mesh, key, modifier = ob.data, display_key.find(ob.data), deform_modifier.find(ob)
+    if key is None or not display_key.may_be_written(mesh, key):
         return
-    if not display_key.may_be_written(mesh, key):
-        return
-    rest, modifier = mesh_data.rest_positions(mesh), deform_modifier.find(ob)
-    if _MADE_REFERENCE in mesh and len(mesh.shape_keys.key_blocks) == 2 and ob.active_shape_key != key:
-        own = mesh_data.positions(mesh)  # a script, for which there are no keys, moves these alone
-        if not np.array_equal(own, rest):
-            _set_points(mesh, mesh.shape_keys.reference_key, own)
-            rest = own
+    display_key.keep_alone(mesh, key)
     if _HELD in mesh and modifier is not None:
-        held = rest + _masked(ob, modifier, offset_attribute.read(mesh))
-        if not np.array_equal(mesh_data.key_positions(key), held.astype(np.float32)):
+        held = mesh_data.rest_positions(mesh) + _masked(ob, modifier, offset_attribute.read(mesh))
+        if not np.array_equal(mesh_data.key_positions(key), held.astype(np.float32), equal_nan=True):
             mesh[_HELD] = ""  # to be written anew
+
+
+def take_in_moved_vertices(ob):
+    """To be called when the mesh's own vertices were moved, and nothing else. Scripts, for which the mesh has no keys,
+    move these alone, and then the reference key that was made for ours has to go along."""
+    mesh, key = ob.data, display_key.find(ob.data)
+    if (key is not None and display_key.may_be_written(mesh, key) and _MADE_REFERENCE in mesh
+            and len(mesh.shape_keys.key_blocks) == 2 and ob.active_shape_key != key):
+        own = mesh_data.positions(mesh)
+        if not np.array_equal(own, mesh_data.rest_positions(mesh), equal_nan=True):
+            _set_points(mesh, mesh.shape_keys.reference_key, own)
+            if _HELD in mesh:
+                mesh[_HELD] = ""
+
+
+def take_in_joined(ob):
+    """To be called when the mesh has other vertices. Removes the key of another object that was joined to this one,
+    whose offsets the modifier displays with its own."""
+    joined = display_key.of_another(ob.data)
+    if joined is not None:
+        _take_out(ob, joined)
+        _take_out_lone_reference(ob)
 
 
 _MULTIPLIED = " multiplied"  # ends the property where the offsets were multiplied by weights
@@ -176,9 +191,7 @@ def _add_key(ob):
         key.lock_shape = True  # the next update would overwrite what is edited
     ob.active_shape_key_index = active
     mesh.pop(_HELD, None)
-    path = deform_modifier.animated_factor_path(ob, modifier)
-    if path:
-        display_key.drive(key, ob, path)
+    display_key.drive(key, ob, deform_modifier.animated_factor_path(ob, modifier))
     return key
 
 
@@ -193,8 +206,8 @@ def remove_key(ob):
         if modifier is not None and key.mute:
             modifier.show_viewport = modifier.show_render = False
         _take_out(ob, key)
-        if len(mesh.shape_keys.key_blocks) == 1 and _MADE_REFERENCE in mesh:
-            ob.shape_key_clear()
+        if _MADE_REFERENCE in mesh:
+            _take_out_lone_reference(ob)
     if modifier is not None:
         deform_modifier.set_passing(modifier, False)
     if _SHOWN_IN_EDIT_MODE in mesh:
@@ -214,11 +227,14 @@ def _take_out(ob, key):
     ob.active_shape_key_index = max(active - (active >= position), 0)
 
 
-def _remove_joined(ob):
-    """Removes the key of another object that was joined to this one, whose offsets the modifier displays with its
-    own."""
-    joined = display_key.of_another(ob.data)
-    if joined is not None:
-        _take_out(ob, joined)
-        if len(ob.data.shape_keys.key_blocks) == 1:
-            ob.shape_key_clear()
+def _take_out_lone_reference(ob):
+    """Removes a reference key without others. The vertices are left where it had them: after an edit with another key
+    active they may be elsewhere."""
+    mesh = ob.data
+    if mesh.shape_keys is None or len(mesh.shape_keys.key_blocks) > 1:
+        return
+    rest = mesh_data.rest_positions(mesh)
+    ob.shape_key_clear()
+    if len(rest) == len(mesh.vertices) and not np.array_equal(mesh_data.positions(mesh), rest, equal_nan=True):
+        mesh.vertices.foreach_set('co', rest.ravel())
+        mesh.update()

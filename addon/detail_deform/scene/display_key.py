@@ -15,15 +15,17 @@ def find(mesh):
     """The ShapeKey, or None."""
     if not has_had_one(mesh) or mesh.shape_keys is None:
         return None
-    blocks = mesh.shape_keys.key_blocks
-    return next((key for key in (blocks.get(mesh[_NAME]), *blocks)
-                 if key is not None and key.interpolation == _MARK), None)
+    named = mesh.shape_keys.key_blocks.get(mesh[_NAME])
+    return named if named is not None and named.interpolation == _MARK else _marked(mesh)
+
+
+def _marked(mesh):
+    return next((key for key in mesh.shape_keys.key_blocks if key.interpolation == _MARK), None)
 
 
 def of_another(mesh):
     """The key of another object's mesh that was joined to this one, which has none of its own; or None."""
-    key = mesh.shape_keys.key_blocks.get(NAME) if mesh.shape_keys and not has_had_one(mesh) else None
-    return key if key is not None and key.interpolation == _MARK else None
+    return _marked(mesh) if mesh.shape_keys and not has_had_one(mesh) else None
 
 
 def has_had_one(mesh):
@@ -50,8 +52,8 @@ def mark(mesh, key):
 
 
 def keep_alone(mesh, own):
-    """Makes copies of the key the user's own."""
-    for key in mesh.shape_keys.key_blocks:
+    """Makes all other keys that were the add-on's, as copies of the key, the user's. own: a ShapeKey, or None."""
+    for key in mesh.shape_keys.key_blocks if mesh.shape_keys else ():
         if key.interpolation == _MARK and key != own:
             key.interpolation = _UNMARKED
 
@@ -92,12 +94,20 @@ _VARIABLE = 'detail_deform_factor'
 
 def drive(key, ob, path):
     """Has the value follow the factor of the modifier, an animated property of the object. Only where it is animated:
-    the driver makes Blender evaluate the mesh anew whenever the object moves."""
-    driver = key.driver_add('value').driver
-    driver.type = 'AVERAGE'
-    variable = driver.variables.new()
-    variable.name, variable.type = _VARIABLE, 'SINGLE_PROP'
-    variable.targets[0].id, variable.targets[0].data_path = ob, path
+    the driver makes Blender evaluate the mesh anew whenever the object moves. path: '': it is not, or no longer."""
+    target = _own_target(key)
+    if not path and target is not None:
+        key.driver_remove('value')
+    if not path or target is None and _driver(key) is not None:
+        return
+    if target is None:
+        driver = key.driver_add('value').driver
+        driver.type = 'AVERAGE'
+        variable = driver.variables.new()
+        variable.name, variable.type = _VARIABLE, 'SINGLE_PROP'
+        target = variable.targets[0]
+    if (target.id, target.data_path) != (ob, path):
+        target.id, target.data_path = ob, path
 
 
 def _driver(key):
@@ -105,10 +115,16 @@ def _driver(key):
     return animation.drivers.find(key.path_from_id('value')) if animation else None
 
 
+def _own_target(key):
+    """The target of the driver that follows the modifier's factor, or None."""
+    found = _driver(key)
+    variables = list(found.driver.variables) if found is not None else ()
+    return variables[0].targets[0] if len(variables) == 1 and variables[0].name == _VARIABLE else None
+
+
 def is_driven(key):
     """Whether the value follows the modifier's factor."""
-    found = _driver(key)
-    return found is not None and any(variable.name == _VARIABLE for variable in found.driver.variables)
+    return _own_target(key) is not None
 
 
 def is_animated(key):

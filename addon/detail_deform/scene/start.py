@@ -146,6 +146,7 @@ def forget_foreign(ob):
     if not settings.signature and not any(map(handle_rests.has_home, settings.handles)):
         forget(ob.data)
         offset_attribute.remove(ob.data)
+        display_key.keep_alone(ob.data, display_key.find(ob.data))
 
 
 def forget(mesh):
