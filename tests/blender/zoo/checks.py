@@ -40,12 +40,16 @@ def _faces(mesh):
 
 def stored(ob):
     """The user's data: bytes of coordinates, faces and shape keys, and the groups with their weights."""
-    keys = ob.data.shape_keys
+    keys, mesh = ob.data.shape_keys, ob.data
     blocks = {}
     for block in keys.key_blocks if keys else ():
         values = np.empty(3 * len(block.data), np.float32)
         block.data.foreach_get('co', values)
         blocks[block.name] = values.tobytes()
+    blocks.pop(mesh.get('detail_deform_key'), None)  # the add-on's own, which displays the deformation
+    if mesh.get('detail_deform_key_reference') and np.array_equal(
+            np.frombuffer(blocks[keys.reference_key.name], np.float32), own(ob).ravel(), equal_nan=True):
+        del blocks[keys.reference_key.name]  # made for it
     weights = repr([[(g.group, g.weight) for g in v.groups] for v in ob.data.vertices])
     return {'coordinates': own(ob).tobytes(), 'faces': _faces(ob.data).tobytes(), 'shape keys': blocks,
             'groups': [g.name for g in ob.vertex_groups], 'weights': weights}
