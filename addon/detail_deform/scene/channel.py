@@ -50,10 +50,10 @@ def settle(ob, depsgraph):
             key = None
         elif key is None and offset_attribute.find(ob.data) is not None:
             key = _add_key(ob)
+        if key is not None:
+            display_key.drive(key, ob, deform_modifier.animated_factor_path(ob, modifier))
     if modifier is not None:
         deform_modifier.set_passing(modifier, key is not None)
-    if key is not None and modifier is not None and depsgraph.mode != 'RENDER' and ob.animation_data:
-        display_key.drive(key, ob, deform_modifier.animated_factor_path(ob, modifier))
     if key is None or not wanted or not display_key.may_be_written(ob.data, key):
         return
     if not is_shown(ob, modifier, depsgraph):
@@ -191,7 +191,6 @@ def _add_key(ob):
         key.lock_shape = True  # the next update would overwrite what is edited
     ob.active_shape_key_index = active
     mesh.pop(_HELD, None)
-    display_key.drive(key, ob, deform_modifier.animated_factor_path(ob, modifier))
     return key
 
 

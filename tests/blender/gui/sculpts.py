@@ -6,8 +6,8 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 from everyday import select
-from desk import (activate, area, check, coordinates, evaluated, expect, in_hand, in_view, new_scene, point_at,
-                  screenshot, settle, show_modifiers, surface, wait_until, xdotool)
+from desk import (activate, area, call_pull, check, coordinates, evaluated, expect, in_hand, in_view, new_scene,
+                  point_at, screenshot, settle, show_modifiers, surface, wait_until, xdotool)
 
 _LEVELS = 3
 
@@ -46,9 +46,7 @@ def pulling_a_sculpt():
     point_at('VIEW_3D')
     yield from settle()
     screenshot('sculpt-editing')
-    with in_view():
-        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
-    yield from settle()
+    yield from call_pull()
     screenshot('sculpt-choosing')
     xdotool('key', 'Return')
     yield from wait_until(in_hand)
