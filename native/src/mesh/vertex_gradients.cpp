@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mesh/vertex_gradients.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "mesh/triangles.h"

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "reconstruction/whole_surface.h"
 
+#include <Eigen/Geometry>
+
 #include "mesh/triangles.h"
 
 namespace dd {
