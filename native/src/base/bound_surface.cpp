@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base/bound_surface.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <future>
@@ -8,6 +9,7 @@
 #include <utility>
 
 #include "base/base_surface.h"
+#include "base/mixed_bilaplacian.h"
 #include "support/run_async.h"
 #include "systems/free_block.h"
 
@@ -55,6 +57,28 @@ HandleExtensionOptions extension_options(const BindOptions& options,
   return result;
 }
 
+// Most basis functions that MixedBilaplacian finds. Break-even: each four take twice the time that
+// they take by a factor of K.
+constexpr int kMostMixedFunctions = 48;
+// Largest fraction of the free vertices that its coarse mesh may have. Break-even: the factor of K
+// there should cost little.
+constexpr double kMostMixedFraction = 0.25;
+
+/// The contraction with kMaxSpacing of the active faces.
+std::shared_ptr<const CoarseMesh> coarse_contraction(const FactoredSurface& surface) {
+  const Region& region = surface.region;
+  double area = 0;
+  for (int j = 0; j < static_cast<int>(surface.operators.triangles.rows()); ++j) {
+    const auto corners = surface.operators.triangles.row(j);
+    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return region.row[v] >= 0; }))
+      area += surface.operators.metric.areas[j];
+  }
+  const std::vector<int> faces = active_faces(surface.mesh, region, surface.operators.triangles);
+  return std::make_shared<CoarseMesh>(
+      Mesh{surface.mesh.positions, surface.mesh.triangles(faces, kAllIndices)}, region,
+      kMaxSpacing * std::sqrt(area));
+}
+
 /// Runs work whose systems are built on another geometry than S. An UnsolvableSurface there is no
 /// fault of the mesh; it is rethrown as an Error with this message and remedy.
 template <class Work>
@@ -92,8 +116,11 @@ BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindO
   dissection = free_dissection(block, region, mesh.positions, &pool);
   const bool computed = options.base.size() == 0;
   const bool on_surface = computed && options.metric_smoothing == 0;
+  const bool mixed = on_surface && may_mix(options);
+  std::future<std::shared_ptr<const CoarseMesh>> coarse;
+  if (mixed) coarse = run_async(pool.count(), [&] { return coarse_contraction(*this); });
   std::future<Energy> energy;
-  if (on_surface)
+  if (on_surface && !mixed)
     energy = run_async(pool.count(), [&]() -> Energy {
       EnergyBlock bending = energy_block(even_operators(), region, options.smoothness);
       auto symbolic =
@@ -108,12 +135,43 @@ BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindO
   block_options.progress = within(progress, 0.05, 0.15);
   factor(std::move(block), block_options);
   block_options.precision = Precision::full;
-  if (computed) {
-    compute_base(options, block_options, on_surface ? energy.get() : Energy{}, progress);
-  } else {
+  if (mixed) contraction = coarse.get();
+  if (!computed)
     base = options.base;
-  }
+  else if (!mixed || !compute_base_mixed(pool, progress))
+    compute_base(options, block_options, energy.valid() ? energy.get() : Energy{}, progress);
   rest_base = in_order(base, order());
+}
+
+bool BoundSurface::may_mix(const BindOptions& options) const {
+  return options.smoothness == Smoothness::thin_plate &&
+         options.base_metric == BaseMetric::surface && options.precision == Precision::single &&
+         !even && region.grounds.empty() && region.free_count() >= options.mixed_from &&
+         coordinates.count() <= kMostMixedFunctions;
+}
+
+bool BoundSurface::compute_base_mixed(ThreadPool& pool, const Progress& progress) {
+  // With a factor that needs refinement, solves are not exact enough.
+  if (poisson->correction_steps() > 0 ||
+      contraction->free_count > kMostMixedFraction * region.free_count())
+    return false;
+  try {
+    report(progress, 0.2, Stage::energy);
+    MixedBilaplacian plate(*this, *contraction);
+    report(progress, 0.3, Stage::base);
+    Rows values = Rows::Zero(mesh.vertex_count(), 4);
+    values.leftCols<3>() = mesh.positions;
+    Positions found = mesh.positions;
+    found(region.free, kAllIndices) = plate.extend(values).leftCols<3>();
+    HandleExtensionOptions how;
+    how.pool = &pool;
+    how.progress = [&](double done) { report(progress, 0.5 + done * 0.5, Stage::handles); };
+    extension = HandleExtension(plate, coordinates, region, mesh.positions, order(), how);
+    base = std::move(found);
+    return true;
+  } catch (const UnsolvableSurface&) {
+    return false;
+  }
 }
 
 PolyharmonicSystem BoundSurface::factored_energy(const SurfaceOperators& metric,

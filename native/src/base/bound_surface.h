@@ -31,6 +31,10 @@ struct BindOptions {
   /// is that of the whole mesh; 0, to test that, binds the whole mesh. Break-even: to find the part
   /// takes a tenth of the time that the mesh's operators take.
   double largest_part = 0.5;
+  /// Least number of free vertices with which the base of a thin plate is found by
+  /// MixedBilaplacian, not by a factor of K, if the precision is single. Break-even: at 30,000 it is
+  /// as fast; below this number results keep their bits.
+  int mixed_from = 200000;
 };
 
 /// The operators, factors and base that a bind computes once for all methods.
@@ -62,6 +66,10 @@ struct BoundSurface : FactoredSurface {
                                      const BlockOptions& block_options) const;
   void compute_base(const BindOptions& options, BlockOptions block_options, Energy&& on_surface,
                     const Progress& progress);
+  /// Whether MixedBilaplacian may find the base.
+  bool may_mix(const BindOptions& options) const;
+  /// Finds the base by it. Returns false, with nothing changed, where it can't.
+  bool compute_base_mixed(ThreadPool& pool, const Progress& progress);
 };
 
 }  // namespace dd

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/mixed_bilaplacian.h"
+
 namespace dd {
 
 namespace {
@@ -22,16 +24,41 @@ SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Regio
   return result;
 }
 
+/// Values at Region::handle_vertices as rows of all vertices.
+void place(const Rows& values, const Region& region, Rows& all) {
+  for (Index i = 0; i < values.rows(); ++i)
+    all.row(region.handle_vertices[size_t(i)]) = values.row(i);
+}
+
 }  // namespace
+
+HandleExtension::HandleExtension(const HandleCoordinates& coordinates, const Region& region,
+                                 const Positions& positions, const RowOrder& order,
+                                 ThreadPool* pool)
+    : coordinates_(coordinates),
+      coordinate_values_(values_at_handles(coordinates, region, positions)),
+      pool_(pool) {
+  for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
+}
+
+HandleExtension::HandleExtension(MixedBilaplacian& bending, const HandleCoordinates& coordinates,
+                                 const Region& region, const Positions& positions,
+                                 const RowOrder& order, const HandleExtensionOptions& options)
+    : HandleExtension(coordinates, region, positions, order, options.pool) {
+  Rows all = Rows::Zero(positions.rows(), 4);
+  basis_functions_ = extended(
+      [&](const Rows& values) -> const Rows& {
+        place(values, region, all);
+        return bending.extend(all);
+      },
+      options.progress);
+}
 
 HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
                                  const HandleCoordinates& coordinates, const Region& region,
                                  const Positions& positions, const RowOrder& order,
                                  const HandleExtensionOptions& options)
-    : coordinates_(coordinates),
-      coordinate_values_(values_at_handles(coordinates, region, positions)),
-      pool_(options.pool) {
-  for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
+    : HandleExtension(coordinates, region, positions, order, options.pool) {
   const int64_t entries = int64_t{coordinates.count()} * region.free_count();
   // Break-even at half the factor's entries: a frame reads W once and the factor up to twice, but
   // the bind would have to solve for each column of W.
@@ -53,8 +80,7 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
   space.values = Rows::Zero(positions.rows(), 4);
   basis_functions_ = extended(
       [&](const Rows& values) -> const Rows& {
-        for (Index i = 0; i < values.rows(); ++i)
-          space.values.row(region.handle_vertices[size_t(i)]) = values.row(i);
+        place(values, region, space.values);
         return bending.extend(space);
       },
       options.progress);

@@ -11,6 +11,8 @@
 
 namespace dd {
 
+class MixedBilaplacian;
+
 /// What a bind keeps so that frames can solve K δq = 0.
 enum class KeptOfEnergy {
   cheaper,  ///< K's factor if W is larger than half of it and one solve is exact enough, else W
@@ -45,6 +47,11 @@ class HandleExtension {
                   const Region& region, const Positions& positions, const RowOrder& order,
                   const HandleExtensionOptions& options);
 
+  /// The same by W, found by another solver of K. bending: outlives the constructor only.
+  HandleExtension(MixedBilaplacian& bending, const HandleCoordinates& coordinates,
+                  const Region& region, const Positions& positions, const RowOrder& order,
+                  const HandleExtensionOptions& options);
+
   bool empty() const { return coordinates_.count() == 0; }
   bool factor_kept() const { return solve_ != nullptr; }
   bool has_precomputed_forward() const { return solve_ && solve_->has_precomputed_forward(); }
@@ -60,6 +67,8 @@ class HandleExtension {
   double bytes() const;
 
  private:
+  HandleExtension(const HandleCoordinates& coordinates, const Region& region,
+                  const Positions& positions, const RowOrder& order, ThreadPool* pool);
   template <class Extend>
   RowMatrix extended(const Extend& extend, const std::function<void(double)>& progress) const;
   RowMatrix extended_by(const HandleSolve& solve,

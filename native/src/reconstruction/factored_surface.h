@@ -10,6 +10,7 @@
 
 namespace dd {
 
+struct CoarseMesh;
 struct WholeSurface;
 
 /// A surface with its operators and its factored Poisson system, as all reconstructions need it.
@@ -38,6 +39,8 @@ struct FactoredSurface {
   std::optional<SurfaceOperators> even;  ///< if the stiffness varies
   SurfaceOperators operators;
   std::optional<Dissection> dissection;  ///< of the free vertices
+  /// Of the active faces with the spacing kMaxSpacing, if the bind needed it; else null.
+  std::shared_ptr<const CoarseMesh> contraction;
   std::unique_ptr<PoissonSystem> poisson;
   Rows rest;  ///< S as rows in order()
   /// √(area of the active triangles): the unit of lengths that are given relative to the surface.

@@ -217,6 +217,17 @@ void PoissonSystem::extend(Rows& values) {
   solve(nothing, [](int, double*) {}, values);
 }
 
+void PoissonSystem::solve_free(Rows& rows) {
+  right_.topRows(order_.free_count) = rows;
+  right_.middleRows(order_.free_count, rim_begin() - order_.free_count).setZero();
+  factor_->solve_in_order(
+      right_.data(), scratch_, &pool_, [](int) {},
+      [&](int begin, int end, const auto* x) {
+        std::copy(x, x + 4 * Index(end - begin), rows.data() + 4 * Index(begin));
+      },
+      Columns::four);
+}
+
 double PoissonSystem::bytes() const {
   const size_t ints = 2 * order_.vertex_of_row.size() + active_.triangles.size() + rims_.size() +
                       rim_of_slot_.size();

@@ -146,6 +146,10 @@ class PoissonSystem {
   /// rows, with zero on fixed vertices.
   void extend(Rows& values);
 
+  /// Solves L x = b on the free vertices. rows: F×4 in order(); in: b, out: x. In the precision of
+  /// the factor, without refinement.
+  void solve_free(Rows& rows);
+
   /// Stored entries of the factor.
   int64_t entries() const { return factor_->entries(); }
   /// Symbolic factorization of L, valid for every matrix of its pattern.

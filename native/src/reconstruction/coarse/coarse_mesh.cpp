@@ -59,7 +59,16 @@ std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles
   return found;
 }
 
-CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double spacing) {
+std::vector<int> active_faces(const Mesh& mesh, const Region& region, const Triangles& triangles) {
+  std::vector<char> free(region.role.size(), 0), active = free;
+  for (int v : region.free) free[size_t(v)] = 1;
+  for (int j : triangles_with(free, triangles))
+    for (int v : triangles.row(j)) active[size_t(v)] = 1;
+  return triangles_with(active, mesh.triangles);
+}
+
+CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double its_spacing)
+    : spacing(its_spacing) {
   Contraction made = contract(part, radii_of(part, region, spacing));
   mesh = {part.positions(made.vertices, kAllIndices), std::move(made.triangles)};
   vertices = std::move(made.vertices);

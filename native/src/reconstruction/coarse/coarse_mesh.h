@@ -13,13 +13,22 @@ namespace dd {
 /// The triangles with a marked corner. marked: n.
 std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles& triangles);
 
+/// The mesh's faces with an active vertex, ascending. An active vertex is a corner of a triangle
+/// with a free corner. triangles: those that carry gradients.
+std::vector<int> active_faces(const Mesh& mesh, const Region& region, const Triangles& triangles);
+
+/// Upper bound of the spacing of a coarse surface as a fraction of √(area of the active triangles).
+/// Safety: the coarse surface keeps the shape of the surface however slowly a field varies.
+constexpr double kMaxSpacing = 0.01;
+
 /// A contraction of a part of a mesh. It keeps the part's constrained vertices, and towards them
 /// its density rises to the mesh's.
 struct CoarseMesh {
   /// part: all vertices of the mesh, with the triangles to contract. spacing: distance of the free
   /// vertices that are kept, in the mesh's units.
-  CoarseMesh(const Mesh& part, const Region& region, double spacing);
+  CoarseMesh(const Mesh& part, const Region& region, double its_spacing);
 
+  double spacing = 0;
   Mesh mesh;
   std::vector<int> vertices;   ///< its vertices in the given mesh, ascending
   std::vector<int> of_vertex;  ///< vertex of the given mesh → own vertex it was merged into, or -1

@@ -21,9 +21,6 @@ constexpr int kMinFreeVertices = 10000;
 // Spacing of coarse vertices as a fraction of the smoothing length: a field that smooth needs no
 // more of them.
 constexpr double kSpacingOfLength = 0.9;
-/// Upper bound of the spacing as a fraction of FactoredSurface::active_size. Safety: the coarse
-/// surface keeps the shape of the surface however long the smoothing length is.
-constexpr double kMaxSpacing = 0.01;
 
 /// Masses for the smoothing on the coarse surface. Interpolation between coarse vertices smooths as
 /// well, over a length² of about 1/5 of the area per vertex. So the squared smoothing length is

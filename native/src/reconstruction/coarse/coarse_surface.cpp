@@ -2,12 +2,12 @@
 #include "reconstruction/coarse/coarse_surface.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <numeric>
 #include <utility>
 
 #include "mesh/topology.h"
-#include "reconstruction/coarse/coarse_mesh.h"
 
 namespace dd {
 
@@ -17,28 +17,33 @@ namespace {
 // saves too little.
 constexpr double kMaxCoarseFraction = 0.6;
 
-/// The mesh's own faces with an active vertex, ascending.
-std::vector<int> active_faces(const FactoredSurface& fine) {
-  std::vector<char> active(static_cast<size_t>(fine.mesh.vertex_count()), 0);
-  for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
-    active[fine.poisson->active_vertex(i)] = 1;
-  return triangles_with(active, fine.mesh.triangles);
+// Largest relative difference of two spacings that count as the same: they are made of areas that
+// are summed in different orders.
+constexpr double kSameSpacing = 1e-9;
+
+/// That of the bind, if it has this spacing.
+std::shared_ptr<const CoarseMesh> contraction_of(const FactoredSurface& fine, double spacing) {
+  if (fine.contraction && std::abs(fine.contraction->spacing - spacing) <= kSameSpacing * spacing)
+    return fine.contraction;
+  const std::vector<int> faces = active_faces(fine.mesh, fine.region, fine.operators.triangles);
+  return std::make_shared<CoarseMesh>(
+      Mesh{fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)}, fine.region, spacing);
 }
 
 }  // namespace
 
 std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, double spacing) {
   const Region& region = fine.region;
-  const Mesh part = {fine.mesh.positions, fine.mesh.triangles(active_faces(fine), kAllIndices)};
-  CoarseMesh made(part, region, spacing);
+  std::shared_ptr<const CoarseMesh> contraction = contraction_of(fine, spacing);
+  const CoarseMesh& made = *contraction;
   if (made.free_count > kMaxCoarseFraction * region.free_count()) return nullptr;
 
   std::unique_ptr<CoarseSurface> coarse(new CoarseSurface);
-  coarse->region_ = region_of_roles(std::move(made.roles), region.handle_count);
+  coarse->region_ = region_of_roles(made.roles, region.handle_count);
   for (int v : region.grounds) coarse->region_.grounds.push_back(made.of_vertex[v]);
-  coarse->surface_ = std::make_unique<FactoredSurface>(
-      std::move(made.mesh), coarse->region_, Triangulation::delaunay,
-      fine.stiffness.of_coarse(made.of_vertex, coarse->region_));
+  coarse->surface_ =
+      std::make_unique<FactoredSurface>(made.mesh, coarse->region_, Triangulation::delaunay,
+                                        fine.stiffness.of_coarse(made.of_vertex, coarse->region_));
   BlockOptions options;
   options.pool = &fine.poisson->pool();
   options.precision = fine.poisson->precision();
@@ -48,15 +53,14 @@ std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, 
   } catch (const UnsolvableSurface&) {
     return nullptr;  // an error of the coarse surface only, which names its own vertices
   }
-  coarse->vertex_ = std::move(made.vertices);
-  coarse->of_vertex_ = std::move(made.of_vertex);
   for (int v : surface.order().vertex_of_row)
-    coarse->fine_row_.push_back(fine.order().row_of_vertex[coarse->vertex_[v]]);
+    coarse->fine_row_.push_back(fine.order().row_of_vertex[made.vertices[v]]);
+  coarse->contraction_ = std::move(contraction);
   return coarse;
 }
 
 Triangles CoarseSurface::with_surroundings(const FactoredSurface& fine) const {
-  const std::vector<int> inside = active_faces(fine);
+  const std::vector<int> inside = active_faces(fine.mesh, fine.region, fine.operators.triangles);
   std::vector<int> all(size_t(fine.mesh.triangle_count())), outside;
   std::iota(all.begin(), all.end(), 0);
   std::set_difference(all.begin(), all.end(), inside.begin(), inside.end(),
@@ -64,7 +68,7 @@ Triangles CoarseSurface::with_surroundings(const FactoredSurface& fine) const {
   const Triangles& own = surface_->mesh.triangles;
   Triangles found(own.rows() + static_cast<Index>(outside.size()), 3);
   for (Index j = 0; j < own.rows(); ++j)
-    for (int k = 0; k < 3; ++k) found(j, k) = vertex_[size_t(own(j, k))];
+    for (int k = 0; k < 3; ++k) found(j, k) = vertices()[size_t(own(j, k))];
   found.bottomRows(static_cast<Index>(outside.size())) = fine.mesh.triangles(outside, kAllIndices);
   return found;
 }
@@ -96,9 +100,10 @@ std::vector<CoarseSurface::Stencil> CoarseSurface::stencils(const FactoredSurfac
   std::vector<Stencil> stencils;
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i) {
     const int v = fine.poisson->active_vertex(i);
-    const int near = of_vertex_[v];
+    const int near = contraction_->of_vertex[size_t(v)];
     PointOnTriangle at;
-    if (vertex_[near] != v) at = point_near(surface_->mesh, fans, fine.mesh.positions.row(v), near);
+    if (vertices()[size_t(near)] != v)
+      at = point_near(surface_->mesh, fans, fine.mesh.positions.row(v), near);
     if (at.triangle < 0) at.barycentric = {1, 0, 0};
     Stencil stencil;
     for (int k = 0; k < 3; ++k) {
@@ -115,7 +120,9 @@ std::vector<CoarseSurface::Stencil> CoarseSurface::stencils(const FactoredSurfac
 
 double CoarseSurface::bytes() const {
   return surface_->bytes() +
-         static_cast<double>((vertex_.size() + of_vertex_.size() + fine_row_.size()) * sizeof(int));
+         static_cast<double>(
+             (contraction_->vertices.size() + contraction_->of_vertex.size() + fine_row_.size()) *
+             sizeof(int));
 }
 
 }  // namespace dd

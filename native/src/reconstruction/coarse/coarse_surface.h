@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "reconstruction/coarse/coarse_mesh.h"
 #include "reconstruction/factored_surface.h"
 
 namespace dd {
@@ -21,7 +22,7 @@ class CoarseSurface {
   FactoredSurface& surface() { return *surface_; }
   const FactoredSurface& surface() const { return *surface_; }
   /// Its vertices, as vertices of the fine surface.
-  const std::vector<int>& vertices() const { return vertex_; }
+  const std::vector<int>& vertices() const { return contraction_->vertices; }
 
   /// Its triangles, and where it ends those of the fine surface, of fine vertices.
   Triangles with_surroundings(const FactoredSurface& fine) const;
@@ -44,9 +45,8 @@ class CoarseSurface {
 
   Region region_;
   std::unique_ptr<FactoredSurface> surface_;
-  // the fine vertices that are kept; the coarse one that each was merged into, or -1
-  std::vector<int> vertex_, of_vertex_;
-  std::vector<int> fine_row_;  // row in the fine surface's order of each row
+  std::shared_ptr<const CoarseMesh> contraction_;  // of the fine surface
+  std::vector<int> fine_row_;                      // row in the fine surface's order of each row
 };
 
 }  // namespace dd
