@@ -19,13 +19,13 @@ BindOptions by_mixed(int threads = 2) {
   BindOptions options;
   options.precision = Precision::single;
   options.threads = threads;
-  options.mixed_from = 0;
+  options.large_from = 0;
   return options;
 }
 
 BindOptions by_factor_of_k() {
   BindOptions options = by_mixed();
-  options.mixed_from = std::numeric_limits<int>::max();
+  options.large_from = std::numeric_limits<int>::max();
   return options;
 }
 
@@ -157,7 +157,7 @@ TEST_CASE("poses by two Poisson solves are those by K's factor, for any number o
 TEST_CASE("where two Poisson solves don't pay or aren't exact, K is factored") {
   const auto bits_of = [](const Mesh& mesh, const std::vector<int>& roles, BindOptions options) {
     const OfBase mixed(mesh, roles, 1, options);
-    options.mixed_from = std::numeric_limits<int>::max();
+    options.large_from = std::numeric_limits<int>::max();
     const OfBase factored(mesh, roles, 1, options);
     CHECK(mixed.surface.base == factored.surface.base);
     CHECK(mixed.basis() == factored.basis());
@@ -177,6 +177,6 @@ TEST_CASE("where two Poisson solves don't pay or aren't exact, K is factored") {
   for (int v = 0; v < scene.mesh.vertex_count(); v += 3) other.stiffness[v] = 0.7f;
   bits_of(scene.mesh, scene.roles, other);
   other = by_mixed();
-  other.mixed_from = 1 << 20;
+  other.large_from = 1 << 20;
   bits_of(scene.mesh, scene.roles, other);
 }

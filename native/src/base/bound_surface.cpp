@@ -111,6 +111,8 @@ BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindO
                       Stiffness(options.stiffness, given_region)),
       coordinates(region, mesh.positions),
       examples(options.examples) {
+  large = options.precision == Precision::single && region.grounds.empty() &&
+          region.free_count() >= options.large_from;
   report(progress, 0.05, Stage::poisson);
   SparseMatrix block = free_block(operators.laplacian, region);
   dissection = free_dissection(block, region, mesh.positions, &pool);
@@ -144,10 +146,8 @@ BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindO
 }
 
 bool BoundSurface::may_mix(const BindOptions& options) const {
-  return options.smoothness == Smoothness::thin_plate &&
-         options.base_metric == BaseMetric::surface && options.precision == Precision::single &&
-         !even && region.grounds.empty() && region.free_count() >= options.mixed_from &&
-         coordinates.count() <= kMostMixedFunctions;
+  return large && !even && options.smoothness == Smoothness::thin_plate &&
+         options.base_metric == BaseMetric::surface && coordinates.count() <= kMostMixedFunctions;
 }
 
 bool BoundSurface::compute_base_mixed(ThreadPool& pool, const Progress& progress) {

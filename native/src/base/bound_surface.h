@@ -31,10 +31,11 @@ struct BindOptions {
   /// is that of the whole mesh; 0, to test that, binds the whole mesh. Break-even: to find the part
   /// takes a tenth of the time that the mesh's operators take.
   double largest_part = 0.5;
-  /// Least number of free vertices with which the base of a thin plate is found by
-  /// MixedBilaplacian, not by a factor of K, if the precision is single. Break-even: at 30,000 it is
-  /// as fast; below this number results keep their bits.
-  int mixed_from = 200000;
+  /// Least number of free vertices of a FactoredSurface::large one, if the precision is single: the
+  /// base of a thin plate is found by MixedBilaplacian, not by a factor of K, and rims are held by
+  /// CoarseClamps. Break-even: at 30,000 both are as fast; below this number results keep their
+  /// bits.
+  int large_from = 200000;
 };
 
 /// The operators, factors and base that a bind computes once for all methods.

@@ -67,6 +67,7 @@ MixedBilaplacian::CoarsePlate::CoarsePlate(const FactoredSurface& surface, const
       operators(
           surface_operators(mesh.mesh.positions, mesh.mesh.triangles, Triangulation::delaunay)),
       masses(static_cast<Index>(rim.size())) {
+  operators.masses = mesh.sums(surface.operators.masses);
   BlockOptions options;
   options.pool = &surface.poisson->pool();
   const Dissection dissection = free_dissection(free_block(operators.laplacian, region), region,

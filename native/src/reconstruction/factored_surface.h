@@ -39,6 +39,8 @@ struct FactoredSurface {
   std::optional<SurfaceOperators> even;  ///< if the stiffness varies
   SurfaceOperators operators;
   std::optional<Dissection> dissection;  ///< of the free vertices
+  /// Whether methods save time and memory by coarse surfaces, for results that differ slightly.
+  bool large = false;
   /// Of the active faces with the spacing kMaxSpacing, if the bind needed it; else null.
   std::shared_ptr<const CoarseMesh> contraction;
   std::unique_ptr<PoissonSystem> poisson;

@@ -25,23 +25,19 @@ void Reconstruction::solve(const GradientSource& gradients, Formulation formulat
   fourth_points_->solve(gradients, surface_.order(), offsets);
 }
 
-void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, double clamp_weight,
+void Reconstruction::solve_by(const FluxSource& source, RimClamps* clamps, double clamp_weight,
                               Rows& offsets) {
-  const auto add = [&](int section, double* rows) { source.add(section, rows); };
-  if (clamps && clamp_weight == 1) {
-    clamps->solve(source.at_rest(), add, offsets);
+  if (clamps) {
+    clamps->solve(source, clamp_weight, offsets);
     return;
   }
-  surface_.poisson->solve(source.at_rest(), add, offsets);
-  if (!clamps || clamp_weight == 0) return;
-  const Rows creased = offsets;
-  clamps->step(source.at_rest(), add, offsets);
-  offsets = creased + clamp_weight * (offsets - creased);
+  surface_.poisson->solve(
+      source.at_rest(), [&](int section, double* rows) { source.add(section, rows); }, offsets);
 }
 
 void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& pose,
-                                     const Turning& turning, ClampedPoisson* clamps,
-                                     double clamp_weight, Rows& offsets) {
+                                     const Turning& turning, RimClamps* clamps, double clamp_weight,
+                                     Rows& offsets) {
   const auto solve = [&](const FluxSource& source) {
     solve_by(source, clamps, clamp_weight, offsets);
   };
@@ -52,13 +48,13 @@ void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& p
   turning.solve(by_base, solve, offsets);
 }
 
-ClampedPoisson* Reconstruction::prepare(const Refined& refined, bool is_refined) {
+RimClamps* Reconstruction::prepare(const Refined& refined, bool is_refined) {
   const double length = refined.rotation_smoothing * surface_.active_size;
   std::future<void> refinement;
   if (is_refined && refined_length_ != length)
     refinement =
         run_async(surface_.poisson->pool().count(), [this, length] { prepare_refinement(length); });
-  ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
+  RimClamps* const clamps = this->clamps(refined.rim_smoothing);
   if (refinement.valid()) refinement.get();
   return clamps;
 }
@@ -87,7 +83,7 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
                            const Turning& turning, Rows& offsets) {
   const double weight = turning.refinement_weight;
   bool is_refined = refined.iterations > 0 && (weight > 0 || refined.solidity > 0);
-  ClampedPoisson* const clamps = prepare(refined, is_refined);
+  RimClamps* const clamps = prepare(refined, is_refined);
   const RefinedFlux* const refinement = is_refined ? &refinement_of(refined.solidity) : nullptr;
   is_refined = is_refined && (weight > 0 || refinement->solidity().size() > 0);
   // The last solve of a refinement clamps the rims. Where the unrefined result is mixed in, it is
@@ -146,33 +142,30 @@ Eigen::VectorXd Reconstruction::limbs(const Refined& refined) {
 }
 
 void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
-  ClampedPoisson* const clamps = prepare(refined, true);
+  RimClamps* const clamps = prepare(refined, true);
   refinement_of(refined.solidity);
   refinement_->find_from(posed, std::max(1, refined.iterations), offsets);
   solve_refined(clamps, offsets);
 }
 
-void Reconstruction::solve_refined(ClampedPoisson* clamps, Rows& offsets) {
-  const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
+void Reconstruction::solve_refined(RimClamps* clamps, Rows& offsets) {
   refinement_->arms().solve_for_centres(offsets, [&] {
     if (clamps)
-      clamps->step(refinement_->at_rest(), add, offsets);
+      clamps->step(*refinement_, offsets);
     else
-      surface_.poisson->solve(refinement_->at_rest(), add, offsets);
+      solve_by(*refinement_, nullptr, 0, offsets);
   });
 }
 
-ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
+RimClamps* Reconstruction::clamps(double rim_smoothing) {
   if (rim_smoothing == 0) return nullptr;
   const double length = rim_smoothing * surface_.active_size;
-  if (clamped_ && clamped_->length() == length) return clamped_.get();
-  clamped_ = std::make_unique<ClampedPoisson>(surface_.mesh, surface_.region, surface_.operators,
-                                              *surface_.poisson, *surface_.dissection, length);
-  return clamped_.get();
+  if (!clamps_ || clamps_->length() != length) clamps_ = make_rim_clamps(surface_, length);
+  return clamps_.get();
 }
 
 double Reconstruction::bytes() const {
-  return (fourth_points_ ? fourth_points_->bytes() : 0) + (clamped_ ? clamped_->bytes() : 0) +
+  return (fourth_points_ ? fourth_points_->bytes() : 0) + (clamps_ ? clamps_->bytes() : 0) +
          (refinement_ ? refinement_->bytes() : 0) +
          (cross_sections_ ? cross_sections_->bytes() : 0) +
          (coarse_refinement_ ? coarse_refinement_->bytes() : 0);

@@ -7,7 +7,7 @@
 #include "reconstruction/coarse/coarse_refinement.h"
 #include "reconstruction/fourth_points.h"
 #include "reconstruction/refinement.h"
-#include "systems/clamped_poisson.h"
+#include "reconstruction/rim_clamps.h"
 
 namespace dd {
 
@@ -69,21 +69,19 @@ class Reconstruction {
   double bytes() const;
 
  private:
-  /// Builds the refinement and the clamped system that an update needs, concurrently. Returns
-  /// clamped().
-  ClampedPoisson* prepare(const Refined& refined, bool is_refined);
-  ClampedPoisson* clamped(double rim_smoothing);
+  /// Builds the refinement and the clamps that an update needs, concurrently. Returns clamps().
+  RimClamps* prepare(const Refined& refined, bool is_refined);
+  RimClamps* clamps(double rim_smoothing);
   /// Makes the refinement for this length, on a coarse surface where that pays.
   void prepare_refinement(double length);
   /// clamp_weight: weight of the solution with clamped rims against that of (14), 0 to 1.
   void solve_unrefined(BaseGradients& gradients, const BasePose& pose, const Turning& turning,
-                       ClampedPoisson* clamps, double clamp_weight, Rows& offsets);
-  void solve_by(const FluxSource& source, ClampedPoisson* clamps, double clamp_weight,
-                Rows& offsets);
+                       RimClamps* clamps, double clamp_weight, Rows& offsets);
+  void solve_by(const FluxSource& source, RimClamps* clamps, double clamp_weight, Rows& offsets);
   /// Sets the solidity of the refinement that exists, and returns it.
   const RefinedFlux& refinement_of(double solidity);
   /// The last solve, with the rotations of refinement_.
-  void solve_refined(ClampedPoisson* clamps, Rows& offsets);
+  void solve_refined(RimClamps* clamps, Rows& offsets);
   /// Goes from the unrefined result to the refined one.
   static void mix(const Rows& unrefined, double weight, const Eigen::VectorXd& solidity,
                   Rows& offsets);
@@ -91,7 +89,7 @@ class Reconstruction {
   FactoredSurface& surface_;
   const Positions* base_;
   std::unique_ptr<FourthPointSystem> fourth_points_;
-  std::unique_ptr<ClampedPoisson> clamped_;
+  std::unique_ptr<RimClamps> clamps_;
   double refined_length_ = -1;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;
   std::unique_ptr<CoarseRefinement> coarse_refinement_;

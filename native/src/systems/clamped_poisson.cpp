@@ -24,32 +24,45 @@ constexpr double kRimStiffness = 1.5, kRimWidth = 2.5;
 constexpr double kAcceptedError = 3e-6, kCorrectableError = 0.02;
 
 /// The diagonal of W, n.
-Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
-                              const SurfaceOperators& operators, const PoissonSystem& poisson,
-                              double length) {
-  std::vector<char> is_rim(region.role.size(), 0);
-  for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
-  const double reach = kRimWidth * length;
-  // Fast marching loses accuracy at obtuse corners, so it uses the flipped triangles as well.
-  const std::vector<double> distance =
-      operators.flipped ? geodesic_distances({mesh.positions, operators.triangles}, is_rim, reach)
-                        : geodesic_distances(mesh, is_rim, reach);
-  Eigen::VectorXd weights = Eigen::VectorXd::Zero(mesh.vertex_count());
-  for (int v = 0; v < mesh.vertex_count(); ++v) {
-    const double size = kRimStiffness * length * (1 - distance[v] / reach);
-    if (size > 0) weights[v] = size * size / operators.masses[v];
-  }
-  for (int hub : find_hubs(operators.laplacian, region)) weights[hub] = 0;
+Eigen::VectorXd slope_weights(const Region& region, const SparseMatrix& laplacian,
+                              const Eigen::VectorXd& squares, const Eigen::VectorXd& masses) {
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(squares.size());
+  for (Index v = 0; v < weights.size(); ++v)
+    if (squares[v] > 0) weights[v] = squares[v] / masses[v];
+  for (int hub : find_hubs(laplacian, region)) weights[hub] = 0;
   return weights;
 }
 
 /// L of the active triangles. Rows: free vertices, then rims; columns: the Poisson system's order.
 Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const SurfaceOperators& operators,
                                                               const PoissonSystem& poisson) {
+  const RowOrder& order = poisson.order();
+  const SparseMatrix& whole = operators.laplacian;
+  const Eigen::SparseMatrix<double, Eigen::RowMajor> of_rims = rim_laplacian(operators, poisson);
+  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian(poisson.active_vertex_count(),
+                                                         order.count());
+  laplacian.reserve(whole.nonZeros());
+  for (int r = 0; r < order.free_count; ++r) {
+    laplacian.startVec(r);
+    for (SparseMatrix::InnerIterator it(whole, order.vertex_of_row[r]); it; ++it)
+      laplacian.insertBackByOuterInnerUnordered(r, order.row_of_vertex[it.row()]) = it.value();
+  }
+  for (Index i = 0; i < of_rims.rows(); ++i) {
+    laplacian.startVec(order.free_count + i);
+    for (decltype(laplacian)::InnerIterator it(of_rims, i); it; ++it)
+      laplacian.insertBackByOuterInnerUnordered(order.free_count + i, it.col()) = it.value();
+  }
+  laplacian.finalize();
+  return laplacian;
+}
+
+}  // namespace
+
+Eigen::SparseMatrix<double, Eigen::RowMajor> rim_laplacian(const SurfaceOperators& operators,
+                                                           const PoissonSystem& poisson) {
   const Triangles& t = operators.triangles;
   const RowOrder& order = poisson.order();
   const std::vector<int>& rims = poisson.rims();
-  const SparseMatrix& whole = operators.laplacian;
   using Entries = std::map<int, double>;
   std::vector<Entries> of_rims(rims.size());
   const auto add = [&](int at, int other, double weight) {
@@ -66,34 +79,50 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const SurfaceOpera
       add(a, b, weight);
       add(b, a, weight);
     }
-  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian(poisson.active_vertex_count(),
+  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian(static_cast<Index>(rims.size()),
                                                          order.count());
-  laplacian.reserve(whole.nonZeros());
-  for (int r = 0; r < order.free_count; ++r) {
-    laplacian.startVec(r);
-    for (SparseMatrix::InnerIterator it(whole, order.vertex_of_row[r]); it; ++it)
-      laplacian.insertBackByOuterInnerUnordered(r, order.row_of_vertex[it.row()]) = it.value();
-  }
   for (size_t i = 0; i < rims.size(); ++i) {
-    laplacian.startVec(order.free_count + Index(i));
+    laplacian.startVec(Index(i));
     for (const auto& [column, value] : of_rims[i])
-      laplacian.insertBackByOuterInnerUnordered(order.free_count + Index(i), column) = value;
+      laplacian.insertBackByOuterInnerUnordered(Index(i), column) = value;
   }
   laplacian.finalize();
   return laplacian;
 }
 
-}  // namespace
+Eigen::VectorXd clamped_squares(const Mesh& mesh, const SurfaceOperators& operators,
+                                const PoissonSystem& poisson, double length) {
+  std::vector<char> is_rim(size_t(mesh.vertex_count()), 0);
+  for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
+  const double reach = kRimWidth * length;
+  // Fast marching loses accuracy at obtuse corners, so it uses the flipped triangles as well.
+  const std::vector<double> distance =
+      operators.flipped ? geodesic_distances({mesh.positions, operators.triangles}, is_rim, reach)
+                        : geodesic_distances(mesh, is_rim, reach);
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(mesh.vertex_count());
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const double size = kRimStiffness * length * (1 - distance[v] / reach);
+    if (size > 0) squares[v] = size * size;
+  }
+  return squares;
+}
 
 ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
                                const SurfaceOperators& operators, PoissonSystem& poisson,
                                const Dissection& dissection, double length)
+    : ClampedPoisson(mesh, region, operators, poisson, dissection, length,
+                     clamped_squares(mesh, operators, poisson, length), operators.masses) {}
+
+ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
+                               const SurfaceOperators& operators, PoissonSystem& poisson,
+                               const Dissection& dissection, double length,
+                               const Eigen::VectorXd& squares, const Eigen::VectorXd& masses)
     : poisson_(poisson), length_(length) {
   const RowOrder& order = poisson.order();
   const int free_count = order.free_count;
   const int active_rows = poisson.active_vertex_count();
 
-  const Eigen::VectorXd weights = slope_weights(mesh, region, operators, poisson, length);
+  const Eigen::VectorXd weights = slope_weights(region, operators.laplacian, squares, masses);
   SparseMatrix block = weighted_bilaplacian_block(operators.laplacian, region, weights);
   block += free_block(operators.laplacian, region);
   ground(block, region);
@@ -186,6 +215,14 @@ void ClampedPoisson::correct(const Rows& divergence, Rows& offsets, Start start)
           for (int c = 0; c < 3; ++c) row[c] += static_cast<double>(x[c]);
         }
       });
+}
+
+void ClampedPoisson::displace(const Rows& rims, Rows& offsets) {
+  Rows divergence = Rows::Zero(poisson_.right_hand_side_rows(), 4);
+  divergence.middleRows(poisson_.rim_begin(), rims.rows()) = rims;
+  offsets.setZero(poisson_.order().count(), 4);
+  correct(divergence, offsets, Start::zero);
+  for (int round = 0; round < corrections_; ++round) correct(divergence, offsets, Start::current);
 }
 
 double ClampedPoisson::bytes() const {

@@ -7,6 +7,15 @@
 
 namespace dd {
 
+/// L of the active triangles at rims: a row for each of PoissonSystem::rims(), columns in its order.
+Eigen::SparseMatrix<double, Eigen::RowMajor> rim_laplacian(const SurfaceOperators& operators,
+                                                           const PoissonSystem& poisson);
+
+/// The square of the length over which ClampedPoisson holds the slope, a, of every vertex: 1.5
+/// lengths at rims, 0 from a distance of 2.5 lengths over the surface on.
+Eigen::VectorXd clamped_squares(const Mesh& mesh, const SurfaceOperators& operators,
+                                const PoissonSystem& poisson, double length);
+
 /// Beyond the paper: (14) prescribes positions only. So the part of the gradients that is not
 /// integrable spreads harmonically, and the surface meets every rim with a crease that does not
 /// shrink with the edge length. This system counts the second-order mismatch too, which holds the
@@ -26,6 +35,10 @@ class ClampedPoisson {
   /// UnsolvableSurface.
   ClampedPoisson(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
                  PoissonSystem& poisson, const Dissection& dissection, double length);
+  /// The same with given squares a, n, and masses M, n.
+  ClampedPoisson(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
+                 PoissonSystem& poisson, const Dissection& dissection, double length,
+                 const Eigen::VectorXd& squares, const Eigen::VectorXd& masses);
 
   double length() const { return length_; }
 
@@ -43,6 +56,10 @@ class ClampedPoisson {
   void step(const Rows& at_rest, const Add& add, Rows& offsets) {
     correct(poisson_.divergence(at_rest, add), offsets, Start::current);
   }
+
+  /// What a mismatch of (14) at rims displaces, (L + L W L) δ = L_:C W s. rims: s, a row for each of
+  /// PoissonSystem::rims(). offsets: δ in its order.
+  void displace(const Rows& rims, Rows& offsets);
 
   double bytes() const;
 

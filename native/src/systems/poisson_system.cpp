@@ -176,6 +176,13 @@ void PoissonSystem::gather_slots() {
     right_.row(rim_begin() + rim_of_slot_[k]) += right_.row(slots + Index(k));
 }
 
+void PoissonSystem::take_rim_divergence(Rows& rims) {
+  rims.setZero(static_cast<Index>(rims_.size()), 4);
+  const Index slots = rim_begin() + static_cast<Index>(rims_.size());
+  for (size_t k = 0; k < rim_of_slot_.size(); ++k)
+    rims.row(rim_of_slot_[k]) += right_.row(slots + Index(k));
+}
+
 void PoissonSystem::start(int section, const Rows& at_rest, const Rows& offsets) {
   clear(section, at_rest);
   for (int i = coupling_begin_[section]; i < coupling_begin_[section + 1]; ++i)

@@ -142,6 +142,9 @@ class PoissonSystem {
   }
   int rim_begin() const { return rows_.count(); }
 
+  /// After a solve(): what its sections added to the rims, less at_rest; a row for each of rims().
+  void take_rim_divergence(Rows& rims);
+
   /// Harmonic extension, L x = 0: sets the free rows of three columns of values from the handles'
   /// rows, with zero on fixed vertices.
   void extend(Rows& values);

@@ -12,19 +12,15 @@ namespace dd {
 
 namespace {
 
-// Increase of the merge radius per distance from the nearest constrained vertex. Lower values grade
-// the coarse mesh more gently and keep more vertices.
-constexpr double kRadiusGrowth = 0.5;
-
 /// The merge radius of each vertex, see contract().
-std::vector<double> radii_of(const Mesh& part, const Region& region, double spacing) {
+std::vector<double> radii_of(const Mesh& part, const Region& region, double spacing,
+                             double growth) {
   const auto n = static_cast<size_t>(part.vertex_count());
   std::vector<char> constrained(n, 0);
   for (int v : part.triangles.reshaped()) constrained[v] = region.role[v] != kFree;
-  const std::vector<double> distance =
-      geodesic_distances(part, constrained, spacing / kRadiusGrowth);
+  const std::vector<double> distance = geodesic_distances(part, constrained, spacing / growth);
   std::vector<double> radii(n, 0);
-  for (int v : region.free) radii[v] = std::min(spacing, kRadiusGrowth * distance[v]);
+  for (int v : region.free) radii[v] = std::min(spacing, growth * distance[v]);
   // Triangles with a constrained corner are kept.
   for (int j = 0; j < part.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
@@ -67,9 +63,10 @@ std::vector<int> active_faces(const Mesh& mesh, const Region& region, const Tria
   return triangles_with(active, mesh.triangles);
 }
 
-CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double its_spacing)
-    : spacing(its_spacing) {
-  Contraction made = contract(part, radii_of(part, region, spacing));
+CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double its_spacing,
+                       double its_growth)
+    : spacing(its_spacing), growth(its_growth) {
+  Contraction made = contract(part, radii_of(part, region, spacing, growth));
   mesh = {part.positions(made.vertices, kAllIndices), std::move(made.triangles)};
   vertices = std::move(made.vertices);
   of_vertex = std::move(made.of_vertex);
@@ -77,6 +74,13 @@ CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double its_spacin
     roles.push_back(region.role[v]);
     free_count += roles.back() == kFree;
   }
+}
+
+Eigen::VectorXd CoarseMesh::sums(const Eigen::VectorXd& of_vertices) const {
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(mesh.vertex_count());
+  for (size_t v = 0; v < of_vertex.size(); ++v)
+    if (of_vertex[v] >= 0) sums[of_vertex[v]] += of_vertices[Index(v)];
+  return sums;
 }
 
 PointOnTriangle point_near(const Mesh& mesh, const VertexTriangles& fans,

@@ -21,14 +21,23 @@ std::vector<int> active_faces(const Mesh& mesh, const Region& region, const Tria
 /// Safety: the coarse surface keeps the shape of the surface however slowly a field varies.
 constexpr double kMaxSpacing = 0.01;
 
+constexpr double kUsualGrowth = 0.5;
+
 /// A contraction of a part of a mesh. It keeps the part's constrained vertices, and towards them
 /// its density rises to the mesh's.
 struct CoarseMesh {
   /// part: all vertices of the mesh, with the triangles to contract. spacing: distance of the free
   /// vertices that are kept, in the mesh's units.
-  CoarseMesh(const Mesh& part, const Region& region, double its_spacing);
+  /// growth: increase of the spacing per distance from the nearest constrained vertex. Lower values
+  /// grade the coarse mesh more gently and keep more vertices.
+  CoarseMesh(const Mesh& part, const Region& region, double its_spacing,
+             double its_growth = kUsualGrowth);
 
-  double spacing = 0;
+  double spacing = 0, growth = 0;
+  /// The sum over the vertices that were merged into each of its own: of masses, the area that a
+  /// coarse vertex stands for, with the relief between coarse vertices.
+  Eigen::VectorXd sums(const Eigen::VectorXd& of_vertices) const;
+
   Mesh mesh;
   std::vector<int> vertices;   ///< its vertices in the given mesh, ascending
   std::vector<int> of_vertex;  ///< vertex of the given mesh → own vertex it was merged into, or -1

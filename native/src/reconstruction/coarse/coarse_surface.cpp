@@ -21,20 +21,24 @@ constexpr double kMaxCoarseFraction = 0.6;
 // are summed in different orders.
 constexpr double kSameSpacing = 1e-9;
 
-/// That of the bind, if it has this spacing.
-std::shared_ptr<const CoarseMesh> contraction_of(const FactoredSurface& fine, double spacing) {
-  if (fine.contraction && std::abs(fine.contraction->spacing - spacing) <= kSameSpacing * spacing)
+/// That of the bind, if it is the same.
+std::shared_ptr<const CoarseMesh> contraction_of(const FactoredSurface& fine, double spacing,
+                                                 double growth) {
+  if (fine.contraction && fine.contraction->growth == growth &&
+      std::abs(fine.contraction->spacing - spacing) <= kSameSpacing * spacing)
     return fine.contraction;
   const std::vector<int> faces = active_faces(fine.mesh, fine.region, fine.operators.triangles);
   return std::make_shared<CoarseMesh>(
-      Mesh{fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)}, fine.region, spacing);
+      Mesh{fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)}, fine.region, spacing,
+      growth);
 }
 
 }  // namespace
 
-std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, double spacing) {
+std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, double spacing,
+                                                   double growth) {
   const Region& region = fine.region;
-  std::shared_ptr<const CoarseMesh> contraction = contraction_of(fine, spacing);
+  std::shared_ptr<const CoarseMesh> contraction = contraction_of(fine, spacing, growth);
   const CoarseMesh& made = *contraction;
   if (made.free_count > kMaxCoarseFraction * region.free_count()) return nullptr;
 

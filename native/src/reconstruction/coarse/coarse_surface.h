@@ -16,13 +16,17 @@ namespace dd {
 class CoarseSurface {
  public:
   /// Null where too many free vertices would remain to save time, or the coarse system is singular.
-  /// spacing: of the free vertices that are kept, in the mesh's units.
-  static std::unique_ptr<CoarseSurface> make(const FactoredSurface& fine, double spacing);
+  /// spacing: of the free vertices that are kept, in the mesh's units. growth: see CoarseMesh.
+  static std::unique_ptr<CoarseSurface> make(const FactoredSurface& fine, double spacing,
+                                             double growth = kUsualGrowth);
 
   FactoredSurface& surface() { return *surface_; }
   const FactoredSurface& surface() const { return *surface_; }
   /// Its vertices, as vertices of the fine surface.
   const std::vector<int>& vertices() const { return contraction_->vertices; }
+
+  /// How it was made of the fine surface's faces.
+  const CoarseMesh& contraction() const { return *contraction_; }
 
   /// Its triangles, and where it ends those of the fine surface, of fine vertices.
   Triangles with_surroundings(const FactoredSurface& fine) const;
