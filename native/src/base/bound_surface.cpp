@@ -10,6 +10,7 @@
 
 #include "base/base_surface.h"
 #include "base/mixed_bilaplacian.h"
+#include "reconstruction/reconstruction.h"
 #include "support/run_async.h"
 #include "systems/free_block.h"
 
@@ -64,7 +65,7 @@ constexpr int kMostMixedFunctions = 48;
 // there should cost little.
 constexpr double kMostMixedFraction = 0.25;
 
-/// The contraction with kMaxSpacing of the active faces.
+/// The contraction of the active faces that the usual refinement needs as well.
 std::shared_ptr<const CoarseMesh> coarse_contraction(const FactoredSurface& surface) {
   const Region& region = surface.region;
   double area = 0;
@@ -76,7 +77,7 @@ std::shared_ptr<const CoarseMesh> coarse_contraction(const FactoredSurface& surf
   const std::vector<int> faces = active_faces(surface.mesh, region, surface.operators.triangles);
   return std::make_shared<CoarseMesh>(
       Mesh{surface.mesh.positions, surface.mesh.triangles(faces, kAllIndices)}, region,
-      kMaxSpacing * std::sqrt(area));
+      coarse_spacing(Refined{}.rotation_smoothing * std::sqrt(area), std::sqrt(area)));
 }
 
 /// Runs work whose systems are built on another geometry than S. An UnsolvableSurface there is no

@@ -40,13 +40,14 @@ ReducedEnergy::ReducedEnergy(const BoundSurface& bound, std::vector<char> free,
 void ReducedEnergy::gather_triangles(const RowMatrix& basis_functions) {
   const Triangles& t = bound_.operators.triangles;
   const RotationClusters clusters = triangle_clusters(bound_, free_handles_);
-  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, t);
   std::vector<std::vector<int>> triangles(size_t(clusters.count));
   for (size_t j = 0; j < clusters.of.size(); ++j)
     if (clusters.of[j] >= 0) triangles[clusters.of[j]].push_back(static_cast<int>(j));
   gather_covariances(clusters.count, bound_.base, basis_functions, [&](int k, const auto& add) {
-    for (int j : triangles[k])
-      for (int c = 0; c < 3; ++c) add(t(j, c), flux.row(3 * Index(j) + c));
+    for (int j : triangles[k]) {
+      const Eigen::Matrix3d flux = corner_divergences(bound_.operators.metric, bound_.base, t, j);
+      for (int c = 0; c < 3; ++c) add(t(j, c), flux.col(c).transpose());
+    }
   });
 }
 

@@ -22,14 +22,14 @@ CornerFlux::CornerFlux(const FactoredSurface& surface, const std::vector<int>& c
   const PoissonSystem& poisson = *surface.poisson;
   const ActiveTriangles& active = poisson.active();
   const Triangles& t = surface.operators.triangles;
-  const Positions flux = corner_divergence(surface.operators.metric, surface.mesh.positions, t);
   size_t next = 0;
   for (int section = 0; section < active.sections(); ++section) {
     begin_.push_back(static_cast<int>(next));
     for (; next < chosen.size() && chosen[next] < active.begin[section + 1]; ++next) {
       Corners corners;
       corners.triangle = active.triangles[chosen[next]];
-      corners.flux = flux.middleRows<3>(3 * Index(corners.triangle)).transpose();
+      corners.flux =
+          corner_divergences(surface.operators.metric, surface.mesh.positions, t, corners.triangle);
       for (int k = 0; k < 3; ++k)
         corners.target[k] = poisson.right_hand_side_row(section, t(corners.triangle, k));
       corners_.push_back(corners);

@@ -41,7 +41,7 @@ struct FactoredSurface {
   std::optional<Dissection> dissection;  ///< of the free vertices
   /// Whether methods save time and memory by coarse surfaces, for results that differ slightly.
   bool large = false;
-  /// Of the active faces with the spacing kMaxSpacing, if the bind needed it; else null.
+  /// Of the active faces, for the usual refinement, if the bind needed it; else null.
   std::shared_ptr<const CoarseMesh> contraction;
   std::unique_ptr<PoissonSystem> poisson;
   Rows rest;  ///< S as rows in order()

@@ -84,9 +84,7 @@ GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions
       blocks_(layout_.discarding_blocks<TriangleBlock<Real>>(*surface.poisson)) {
   const PoissonSystem& poisson = *surface.poisson;
   const Triangles& t = surface.operators.triangles;
-  const Positions corner_flux =
-      corner_divergence(surface.operators.metric, surface.mesh.positions, t);
-  layout_.each(poisson.active(), [&](int i, int section, int b, int lane) {
+  const auto place = [&](int i, int section, int b, int lane) {
     TriangleBlock<Real>& block = blocks_[b];
     const int j = poisson.active().triangles[i], stand_in = stand_ins.of_triangle[j];
     if (stand_in < 0) return;
@@ -96,12 +94,14 @@ GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions
       block.source[k][lane] = poisson.order().row_of_vertex[t(stand_in, k)];
       block.target[k][lane] = poisson.right_hand_side_row(section, t(j, k));
     }
+    const Eigen::Matrix3d corner_flux =
+        corner_divergences(surface.operators.metric, surface.mesh.positions, t, j);
     for (int k = 0; k < 2; ++k) {
-      const Eigen::Vector3d flux =
-          frame.axes.transpose() * corner_flux.row(3 * static_cast<Index>(j) + k).transpose();
+      const Eigen::Vector3d flux = frame.axes.transpose() * corner_flux.col(k);
       for (int c = 0; c < 3; ++c) block.flux[k][c][lane] = static_cast<Real>(flux[c]);
     }
-  });
+  };
+  layout_.each(poisson.active(), place, &poisson.pool());
 }
 
 template <class Real>

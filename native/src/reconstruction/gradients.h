@@ -49,14 +49,16 @@ struct ActiveBlocks {
   ActiveBlocks() = default;
   int count() const { return begin.empty() ? 0 : begin.back(); }
   int sections() const { return static_cast<int>(begin.size()) - 1; }
-  /// Calls body(index in active, section, block, lane) for each active triangle.
+  /// Calls body(index in active, section, block, lane) for each active triangle, for those of
+  /// several sections at a time. pool: null, or for this call.
   template <class Body>
-  void each(const ActiveTriangles& active, const Body& body) const {
-    for (int section = 0; section < sections(); ++section)
+  void each(const ActiveTriangles& active, const Body& body, ThreadPool* pool = nullptr) const {
+    run_tasks(pool, sections(), [&](int section) {
       for (int i = active.begin[section]; i < active.begin[section + 1]; ++i) {
         const int k = i - active.begin[section];
         body(i, section, begin[section] + k / kLanes, k % kLanes);
       }
+    });
   }
   /// count() blocks in which the target of every corner is the discard row of its section. The
   /// caller sets the targets of the lanes that have a triangle; the rows to which the unused lanes
@@ -78,14 +80,14 @@ struct ActiveBlocks {
 template <class Real>
 void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const Positions& of,
                std::vector<RotatedFluxBlock<Real>>& blocks) {
-  const Positions flux =
-      corner_divergence(surface.operators.metric, of, surface.operators.triangles);
   const ActiveTriangles& active = surface.poisson->active();
-  layout.each(active, [&](int i, int, int b, int lane) {
+  const auto take = [&](int i, int, int b, int lane) {
+    const Eigen::Matrix3d flux = corner_divergences(
+        surface.operators.metric, of, surface.operators.triangles, active.triangles[i]);
     for (int k = 0; k < 2; ++k)
-      for (int c = 0; c < 3; ++c)
-        blocks[b].flux[k][c][lane] = static_cast<Real>(flux(3 * Index(active.triangles[i]) + k, c));
-  });
+      for (int c = 0; c < 3; ++c) blocks[b].flux[k][c][lane] = static_cast<Real>(flux(c, k));
+  };
+  layout.each(active, take, &surface.poisson->pool());
 }
 
 /// Input of KernelsOf::rotated_flux_pass() for the active triangles, with the flux of positions
@@ -98,14 +100,15 @@ std::vector<RotatedFluxBlock<Real>> rotated_flux_blocks(const FactoredSurface& s
   const PoissonSystem& poisson = *surface.poisson;
   const Triangles& t = surface.operators.triangles;
   auto blocks = layout.discarding_blocks<RotatedFluxBlock<Real>>(poisson);
-  layout.each(poisson.active(), [&](int i, int section, int b, int lane) {
+  const auto place = [&](int i, int section, int b, int lane) {
     RotatedFluxBlock<Real>& block = blocks[b];
     const int j = poisson.active().triangles[i];
     for (int k = 0; k < 3; ++k) {
       block.corner[k][lane] = corner_of(t(j, k));
       block.target[k][lane] = poisson.right_hand_side_row(section, t(j, k));
     }
-  });
+  };
+  layout.each(poisson.active(), place, &poisson.pool());
   take_flux(surface, layout, of, blocks);
   return blocks;
 }

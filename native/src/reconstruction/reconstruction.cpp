@@ -52,8 +52,10 @@ RimClamps* Reconstruction::prepare(const Refined& refined, bool is_refined) {
   const double length = refined.rotation_smoothing * surface_.active_size;
   std::future<void> refinement;
   if (is_refined && refined_length_ != length)
-    refinement =
-        run_async(surface_.poisson->pool().count(), [this, length] { prepare_refinement(length); });
+    refinement = run_async(surface_.poisson->pool().count(), [&] {
+      prepare_refinement(length);
+      refinement_of(refined.solidity);
+    });
   RimClamps* const clamps = this->clamps(refined.rim_smoothing);
   if (refinement.valid()) refinement.get();
   return clamps;

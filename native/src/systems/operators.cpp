@@ -258,13 +258,8 @@ SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metr
 
 Positions corner_divergence(const TriangleMetric& metric, const Positions& p, const Triangles& t) {
   Positions result(3 * t.rows(), 3);
-  for (Index j = 0; j < t.rows(); ++j) {
-    Eigen::Matrix3d corners;
-    for (int k = 0; k < 3; ++k) corners.col(k) = p.row(t(j, k)).transpose();
-    const auto cotangents = metric.cotangents.row(j);
-    for (int k = 0; k < 3; ++k)
-      result.row(3 * j + k) = corner_divergence(cotangents, corners, k).transpose();
-  }
+  for (Index j = 0; j < t.rows(); ++j)
+    result.middleRows<3>(3 * j) = corner_divergences(metric, p, t, j).transpose();
   return result;
 }
 

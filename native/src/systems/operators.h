@@ -79,6 +79,16 @@ Eigen::Vector3d corner_divergence(const Cotangents& cotangents, const Eigen::Mat
                 cotangents[next] * (corners.col(k) - corners.col(last)));
 }
 
+/// The same at all corners of triangle j, a column each.
+inline Eigen::Matrix3d corner_divergences(const TriangleMetric& metric, const Positions& positions,
+                                          const Triangles& triangles, Index j) {
+  Eigen::Matrix3d corners, result;
+  for (int k = 0; k < 3; ++k) corners.col(k) = positions.row(triangles(j, k)).transpose();
+  for (int k = 0; k < 3; ++k)
+    result.col(k) = corner_divergence(metric.cotangents.row(j), corners, k);
+  return result;
+}
+
 /// Mean edge length over all triangles, an edge counted once for each of its triangles.
 double mean_edge_length(const Positions& positions, const Triangles& triangles);
 

@@ -93,15 +93,17 @@ void PoissonSystem::choose_precision(const Mesh& mesh, const Region& region,
 void PoissonSystem::sum_rest_divergence(const Mesh& mesh, const SurfaceOperators& operators) {
   // Summed triangle by triangle like the sources of gradients, so that at rest the two cancel to
   // the last digits.
-  const Positions flux = corner_divergence(operators.metric, mesh.positions, operators.triangles);
   rest_divergence_ = Rows::Zero(right_.rows(), 4);
-  for (int section = 0; section < active_.sections(); ++section)
-    for (int i = active_.begin[section]; i < active_.begin[section + 1]; ++i)
-      for (int k = 0; k < 3; ++k) {
-        const int j = active_.triangles[i];
+  run_tasks(&pool_, active_.sections(), [&](int section) {
+    for (int i = active_.begin[section]; i < active_.begin[section + 1]; ++i) {
+      const int j = active_.triangles[i];
+      const Eigen::Matrix3d flux =
+          corner_divergences(operators.metric, mesh.positions, operators.triangles, j);
+      for (int k = 0; k < 3; ++k)
         rest_divergence_.row(right_hand_side_row(section, operators.triangles(j, k))).head<3>() +=
-            flux.row(3 * Index(j) + k);
-      }
+            flux.col(k).transpose();
+    }
+  });
 }
 
 void PoissonSystem::find_active_triangles(const Triangles& t) {

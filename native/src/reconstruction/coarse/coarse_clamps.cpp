@@ -2,7 +2,10 @@
 #include "reconstruction/coarse/coarse_clamps.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
+#include <cmath>
+#include <future>
+
+#include "support/run_async.h"
 
 namespace dd {
 
@@ -60,14 +63,15 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> half_gradients(const FactoredSurfac
 }  // namespace
 
 std::unique_ptr<CoarseClamps> CoarseClamps::make(FactoredSurface& fine, double length) {
+  std::future<Eigen::VectorXd> squares = run_async(fine.poisson->pool().count(), [&] {
+    return clamped_squares(fine.mesh, fine.operators, *fine.poisson, length);
+  });
   std::unique_ptr<CoarseSurface> coarse =
       CoarseSurface::make(fine, kMaxSpacing * fine.active_size, kSlowGrowth);
-  if (!coarse) return nullptr;
-  if (coarse->contraction().sums(fine.operators.masses).sum() >
-      kMostRelief * coarse->surface().operators.masses.sum())
+  if (!coarse || coarse->contraction().sums(fine.operators.masses).sum() >
+                     kMostRelief * coarse->surface().operators.masses.sum())
     return nullptr;
-  const Eigen::VectorXd squares = clamped_squares(fine.mesh, fine.operators, *fine.poisson, length);
-  const Eigen::VectorXd of_coarse = squares(coarse->vertices());
+  const Eigen::VectorXd of_coarse = squares.get()(coarse->vertices());
   try {
     return std::unique_ptr<CoarseClamps>(
         new CoarseClamps(fine, std::move(coarse), length, of_coarse));

@@ -216,11 +216,15 @@ class CoarseRefinementOf : public CoarseRefinement {
 
 }  // namespace
 
+double coarse_spacing(double length, double active_size) {
+  return std::min(kSpacingOfLength * length, kMaxSpacing * active_size);
+}
+
 std::unique_ptr<CoarseRefinement> CoarseRefinement::make(FactoredSurface& surface,
                                                          const Positions& base, double length) {
   if (surface.region.free_count() < kMinFreeVertices) return nullptr;
-  std::unique_ptr<CoarseSurface> coarse = CoarseSurface::make(
-      surface, std::min(kSpacingOfLength * length, kMaxSpacing * surface.active_size));
+  std::unique_ptr<CoarseSurface> coarse =
+      CoarseSurface::make(surface, coarse_spacing(length, surface.active_size));
   if (!coarse) return nullptr;
   if (surface.poisson->precision() == Precision::single)
     return std::make_unique<CoarseRefinementOf<float>>(surface, base, std::move(coarse), length);

@@ -8,6 +8,9 @@
 
 namespace dd {
 
+/// Spacing of the coarse surface's vertices for a smoothing length. active_size: of FactoredSurface.
+double coarse_spacing(double length, double active_size);
+
 /// Refinement on a CoarseSurface. Rotations are as smooth as the length over which they are
 /// smoothed. Where that spans several edges, they are found on the coarse surface, starting from
 /// the base's rotations there, at a fraction of the cost and interpolated; the surface itself is
