@@ -74,10 +74,9 @@ std::shared_ptr<const CoarseMesh> coarse_contraction(const FactoredSurface& surf
     if (std::any_of(corners.begin(), corners.end(), [&](int v) { return region.row[v] >= 0; }))
       area += surface.operators.metric.areas[j];
   }
-  const std::vector<int> faces = active_faces(surface.mesh, region, surface.operators.triangles);
-  return std::make_shared<CoarseMesh>(
-      Mesh{surface.mesh.positions, surface.mesh.triangles(faces, kAllIndices)}, region,
-      coarse_spacing(Refined{}.rotation_smoothing * std::sqrt(area), std::sqrt(area)));
+  const double size = std::sqrt(area);
+  return contract_active(surface.mesh, region, surface.operators.triangles,
+                         coarse_spacing(Refined{}.rotation_smoothing * size, size));
 }
 
 /// Runs work whose systems are built on another geometry than S. An UnsolvableSurface there is no

@@ -16,8 +16,8 @@ namespace dd {
 ///
 /// In the mixed formulation (Ciarlet and Raviart 1974) the second unknown is v = M⁻¹ L w. On free
 /// vertices F it is harmonic, L_F: v = 0, so its values λ on the rim C, the constrained vertices
-/// with a free neighbour, determine it: v = H λ, and w by L_F: w = M v. What is left is one equation
-/// for λ (Glowinski and Pironneau 1979), symmetric and positive definite:
+/// with a free neighbour, determine it: v = H λ, and w by L_F: w = M v. What is left is one
+/// equation for λ (Glowinski and Pironneau 1979), symmetric and positive definite:
 ///
 ///   (M_C + Hᵀ M H) λ = L_C: h,   h harmonic with the given values.
 ///

@@ -7,7 +7,8 @@
 
 namespace dd {
 
-/// L of the active triangles at rims: a row for each of PoissonSystem::rims(), columns in its order.
+/// L of the active triangles at rims: a row for each of PoissonSystem::rims(), columns in its
+/// order.
 Eigen::SparseMatrix<double, Eigen::RowMajor> rim_laplacian(const SurfaceOperators& operators,
                                                            const PoissonSystem& poisson);
 
@@ -57,8 +58,8 @@ class ClampedPoisson {
     correct(poisson_.divergence(at_rest, add), offsets, Start::current);
   }
 
-  /// What a mismatch of (14) at rims displaces, (L + L W L) δ = L_:C W s. rims: s, a row for each of
-  /// PoissonSystem::rims(). offsets: δ in its order.
+  /// What a mismatch of (14) at rims displaces, (L + L W L) δ = L_:C W s. rims: s, a row for each
+  /// of PoissonSystem::rims(). offsets: δ in its order.
   void displace(const Rows& rims, Rows& offsets);
 
   double bytes() const;

@@ -16,8 +16,8 @@ namespace {
 // and 7e-4. Lower values keep more vertices.
 constexpr double kSlowGrowth = 0.05;
 // Largest area of the surface, as a multiple of that of the coarse one. Relief that is finer than
-// the coarse vertices changes how flux spreads, as in raw scans. Measured: at 1.05 errors are within
-// 2e-4 of the box at 99% of the vertices, at 1.15 within 1.5e-3.
+// the coarse vertices changes how flux spreads, as in raw scans. Measured: at 1.05 errors are
+// within 2e-4 of the box at 99% of the vertices, at 1.15 within 1.5e-3.
 constexpr double kMostRelief = 1.05;
 
 /// Half of the mean gradient at each active vertex of a function of the active vertices, by its

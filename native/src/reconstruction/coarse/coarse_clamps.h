@@ -28,7 +28,8 @@ namespace dd {
 ///   δ(x) = Σ λ_k (δ_k + ½ G_k (x − x_k)).
 class CoarseClamps : public RimClamps {
  public:
-  /// Null where the coarse surface would not be small, or lacks too much of the relief. fine must outlive the result.
+  /// Null where the coarse surface would not be small, or lacks too much of the relief. fine must
+  /// outlive the result.
   static std::unique_ptr<CoarseClamps> make(FactoredSurface& fine, double length);
 
   void solve(const FluxSource& source, double weight, Rows& offsets) override;

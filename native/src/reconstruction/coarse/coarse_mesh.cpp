@@ -76,6 +76,14 @@ CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double its_spacin
   }
 }
 
+std::shared_ptr<const CoarseMesh> contract_active(const Mesh& mesh, const Region& region,
+                                                  const Triangles& triangles, double spacing,
+                                                  double growth) {
+  const std::vector<int> faces = active_faces(mesh, region, triangles);
+  return std::make_shared<CoarseMesh>(Mesh{mesh.positions, mesh.triangles(faces, kAllIndices)},
+                                      region, spacing, growth);
+}
+
 Eigen::VectorXd CoarseMesh::sums(const Eigen::VectorXd& of_vertices) const {
   Eigen::VectorXd sums = Eigen::VectorXd::Zero(mesh.vertex_count());
   for (size_t v = 0; v < of_vertex.size(); ++v)

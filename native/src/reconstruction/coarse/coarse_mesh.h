@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "mesh/aabb_tree.h"
@@ -44,6 +45,11 @@ struct CoarseMesh {
   std::vector<int> roles;
   int free_count = 0;
 };
+
+/// The contraction of the active faces. triangles: as for active_faces().
+std::shared_ptr<const CoarseMesh> contract_active(const Mesh& mesh, const Region& region,
+                                                  const Triangles& triangles, double spacing,
+                                                  double growth = kUsualGrowth);
 
 /// The point of a mesh nearest to a given one, approximately. Searches the triangles around vertex,
 /// and around up to two corners nearer to the point. Takes the one that contains the projection of

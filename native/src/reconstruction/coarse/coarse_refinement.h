@@ -8,7 +8,8 @@
 
 namespace dd {
 
-/// Spacing of the coarse surface's vertices for a smoothing length. active_size: of FactoredSurface.
+/// Spacing of the coarse surface's vertices for a smoothing length. active_size: see
+/// FactoredSurface.
 double coarse_spacing(double length, double active_size);
 
 /// Refinement on a CoarseSurface. Rotations are as smooth as the length over which they are

@@ -27,10 +27,7 @@ std::shared_ptr<const CoarseMesh> contraction_of(const FactoredSurface& fine, do
   if (fine.contraction && fine.contraction->growth == growth &&
       std::abs(fine.contraction->spacing - spacing) <= kSameSpacing * spacing)
     return fine.contraction;
-  const std::vector<int> faces = active_faces(fine.mesh, fine.region, fine.operators.triangles);
-  return std::make_shared<CoarseMesh>(
-      Mesh{fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)}, fine.region, spacing,
-      growth);
+  return contract_active(fine.mesh, fine.region, fine.operators.triangles, spacing, growth);
 }
 
 }  // namespace
