@@ -31,8 +31,8 @@ def clang(entry):
 
 
 def complaints(text):
-    """The warnings about the project's files. Of what is declared and defined elsewhere, what is Eigen's: the file lacks
-    one of its headers, and the linker alone would say so."""
+    """The warnings about the project's files. Of what is declared and defined elsewhere, what is Eigen's: the file
+    lacks one of its headers, and the linker alone would say so."""
     for line in text.splitlines():
         here = re.search(r'^(\S*/)?(native|tests)/\S+: warning: ', line)
         if here and ('undefined-func-template' not in line or "function 'Eigen::" in line):
