@@ -237,7 +237,9 @@ DD_ENUM(dd_formulation){
 DD_ENUM(dd_precision){
     DD_PRECISION_SINGLE = 0, /* halves what a frame reads; results within 1e-5 of the box of those
                                 in double. Where the mesh doesn't allow it, iterative refinement or
-                                double precision is used */
+                                double precision is used. From 200,000 free vertices on, rims are
+                                smoothed by a coarse surface, which saves a quarter of the memory:
+                                at 99% of the vertices, results are within 2e-4 */
     DD_PRECISION_DOUBLE = 1,
 };
 
