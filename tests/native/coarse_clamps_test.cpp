@@ -2,7 +2,10 @@
 #include "reconstruction/coarse/coarse_clamps.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <limits>
+#include <memory>
 
 #include "cases.h"
 #include "catch.h"

@@ -132,7 +132,8 @@ TEST_CASE("the base by two Poisson solves has the least energy of a plate") {
 TEST_CASE("poses by two Poisson solves are those by K's factor, for any number of threads") {
   Affine motion = test::rotation_about(0.8, {1, 2, 3}, {0, 0, 0}, {0, 0, 0});
   motion.col(3) << 0.1, 0.05, 0.2;
-  for (const Held& scene : held_surfaces()) {
+  const std::vector<Held> surfaces = held_surfaces();
+  for (const Held& scene : {surfaces.front(), surfaces.back()}) {
     INFO(scene.name);
     std::vector<Affine> motions(size_t(scene.handles), test::identity());
     motions[0] = motion;
