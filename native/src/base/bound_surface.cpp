@@ -62,9 +62,6 @@ HandleExtensionOptions extension_options(const BindOptions& options,
 // they take by a factor of K, which some 28 functions outweigh at 280,000 free vertices, and 56 at
 // 770,000.
 constexpr int kMostMixedFunctions = 40;
-// Largest fraction of the free vertices that its coarse mesh may have. Break-even: the factor of K
-// there should cost little.
-constexpr double kMostMixedFraction = 0.25;
 
 /// The contraction of the active faces that the usual refinement needs as well.
 std::shared_ptr<const CoarseMesh> coarse_contraction(const FactoredSurface& surface) {
@@ -141,7 +138,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& given_region, const BindO
   if (mixed) contraction = coarse.get();
   if (!computed)
     base = options.base;
-  else if (!mixed || !compute_base_mixed(pool, progress))
+  else if (!mixed || !compute_base_mixed(options.largest_contraction, pool, progress))
     compute_base(options, block_options, energy.valid() ? energy.get() : Energy{}, progress);
   rest_base = in_order(base, order());
 }
@@ -151,10 +148,11 @@ bool BoundSurface::may_mix(const BindOptions& options) const {
          options.base_metric == BaseMetric::surface && coordinates.count() <= kMostMixedFunctions;
 }
 
-bool BoundSurface::compute_base_mixed(ThreadPool& pool, const Progress& progress) {
+bool BoundSurface::compute_base_mixed(double largest_contraction, ThreadPool& pool,
+                                      const Progress& progress) {
   // With a factor that needs refinement, solves are not exact enough.
   if (poisson->correction_steps() > 0 ||
-      contraction->free_count > kMostMixedFraction * region.free_count())
+      contraction->free_count > largest_contraction * region.free_count())
     return false;
   try {
     report(progress, 0.2, Stage::energy);

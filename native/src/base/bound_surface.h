@@ -36,6 +36,9 @@ struct BindOptions {
   /// CoarseClamps. Break-even: at 30,000 both are as fast; below this number results keep their
   /// bits.
   int large_from = 200000;
+  /// Largest fraction of the free vertices that the coarse mesh of MixedBilaplacian may have.
+  /// Break-even: the factor of K there should cost little.
+  double largest_contraction = 0.25;
 };
 
 /// The operators, factors and base that a bind computes once for all methods.
@@ -70,7 +73,7 @@ struct BoundSurface : FactoredSurface {
   /// Whether MixedBilaplacian may find the base.
   bool may_mix(const BindOptions& options) const;
   /// Finds the base by it. Returns false, with nothing changed, where it can't.
-  bool compute_base_mixed(ThreadPool& pool, const Progress& progress);
+  bool compute_base_mixed(double largest_contraction, ThreadPool& pool, const Progress& progress);
 };
 
 }  // namespace dd
