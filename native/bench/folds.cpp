@@ -11,6 +11,7 @@
 #include <exception>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cases.h"
@@ -18,6 +19,7 @@
 #include "mesh/geodesic_distances.h"
 #include "mesh/intersections.h"
 #include "mesh_files.h"
+#include "pulled_end.h"
 #include "smooth_arap_peer.h"
 
 namespace {
@@ -36,22 +38,9 @@ struct Folds {
 class Limb {
  public:
   Limb(const Mesh& mesh, int axis, bool last) : mesh_(mesh) {
-    const Eigen::RowVector3d low = mesh.positions.colwise().minCoeff(),
-                             size = mesh.positions.colwise().maxCoeff() - low;
-    Eigen::RowVector3d centre(0, 0, 0);
-    int held = 0;
-    for (Index v = 0; v < mesh.positions.rows(); ++v) {
-      const double along = (mesh.positions(v, axis) - low[axis]) / size[axis];
-      const double way = last ? along : 1 - along;
-      roles_.push_back(way > 0.85 ? 0 : way < 0.55 ? dd::kFixed : dd::kFree);
-      if (roles_.back() != 0) continue;
-      centre += mesh.positions.row(v);
-      ++held;
-    }
-    Eigen::Vector3d out = Eigen::Vector3d::Zero(), about = out;
-    out[axis] = (last ? 0.12 : -0.12) * size.norm();
-    about[(axis + 1) % 3] = 1;
-    motion_ = dd::test::rotation_about(dd::test::radians(40), about, centre / held, out);
+    dd::bench::PulledEnd end = dd::bench::pulled_end(mesh, axis, last, 0.55);
+    roles_ = std::move(end.roles);
+    motion_ = end.motion;
     const auto of_rest = dd::intersecting_pairs(mesh);
     at_rest_.insert(of_rest.begin(), of_rest.end());
     find_rims();

@@ -14,16 +14,18 @@
 #include <cstdlib>
 #include <limits>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "cases.h"
 #include "deform.h"
 #include "machine.h"
 #include "mesh_files.h"
+#include "pulled_end.h"
 #include "timing.h"
 
 namespace {
 
-using dd::Index;
 using dd::bench::milliseconds;
 
 dd::test::Case plane(int side) {
@@ -39,20 +41,9 @@ dd::test::Case pulled(const char* path, int subdivisions) {
   one.mesh = dd::bench::mesh_from_file(path);
   one.roles.assign(size_t(one.mesh.vertex_count()), dd::kFree);
   for (int k = 0; k < subdivisions; ++k) one = dd::test::subdivided(std::move(one));
-  const dd::Positions& p = one.mesh.positions;
-  const double low = p.col(1).minCoeff(), height = p.col(1).maxCoeff() - low;
-  Eigen::RowVector3d centre(0, 0, 0);
-  int held = 0;
-  for (Index v = 0; v < p.rows(); ++v) {
-    const double way = (p(v, 1) - low) / height;
-    one.roles[size_t(v)] = way > 0.85 ? 0 : way < 0.35 ? dd::kFixed : dd::kFree;
-    if (one.roles[size_t(v)] != 0) continue;
-    centre += p.row(v);
-    ++held;
-  }
-  const double out = 0.12 * dd::bounding_box_diagonal(p);
-  one.motion =
-      dd::test::rotation_about(dd::test::radians(40), {0, 0, 1}, centre / held, {0, out, 0});
+  dd::bench::PulledEnd end = dd::bench::pulled_end(one.mesh, 1, true, 0.35);
+  one.roles = std::move(end.roles);
+  one.motion = end.motion;
   return one;
 }
 

@@ -176,6 +176,14 @@ def activate(ob):
     return ob
 
 
+def script_copy(ob):
+    """A copy with a mesh of its own, made as scripts do it."""
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    return copy
+
+
 def in_a_collection(*objects, name="Hidden"):
     """Moves objects from the scene's collection into a new child collection, which is returned."""
     scene, made = bpy.context.scene.collection, bpy.data.collections.new(name)

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from conftest import activate, evaluated, make_strip, own, update
+from conftest import activate, evaluated, make_strip, own, script_copy, update
 
 KEY = 'Detail Deform'
 
@@ -36,14 +36,6 @@ def press(ob, points):
     assert bpy.ops.object.multires_reshape(modifier="Multires") == {'FINISHED'}
     bpy.data.objects.remove(relief)
     update()
-
-
-def script_copy(ob):
-    """A copy with a mesh of its own, made as scripts do it."""
-    copy = ob.copy()
-    copy.data = ob.data.copy()
-    bpy.context.scene.collection.objects.link(copy)
-    return copy
 
 
 def subdivide(ob):

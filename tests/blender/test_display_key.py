@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import activate, bind, choose, evaluated, group, make_strip, moved, own, set_factor, update
-from multires import KEY, add_key, displaced, key, keys, make_sculpt, pose, script_copy, subdivide
+from conftest import activate, bind, choose, evaluated, group, make_strip, moved, own, script_copy, set_factor, update
+from multires import KEY, add_key, displaced, key, keys, make_sculpt, pose, subdivide
 
 
 def test_multires_applied_while_unbound():

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_empty, bind, evaluated, make_strip, own, update
+from conftest import activate, add_empty, bind, evaluated, make_strip, own, script_copy, update
 
 
 @contextlib.contextmanager
@@ -135,15 +135,8 @@ def strip():
     return bind(make_strip())
 
 
-def copied(ob):
-    copy = ob.copy()
-    copy.data = ob.data.copy()
-    bpy.context.scene.collection.objects.link(copy)
-    return copy
-
-
 def test_a_copy_made_by_a_script_is_known_in_the_next_frame(strip):
-    copy = copied(strip)
+    copy = script_copy(strip)
     assert follows(copy) and follows(strip)
 
 
@@ -156,15 +149,15 @@ def test_a_duplicate_is_known(strip):
 
 def test_a_copy_made_while_another_is_deleted_is_known(strip):
     """The node group's number of users is the same as before."""
-    copy = copied(strip)
+    copy = script_copy(strip)
     bpy.context.scene.frame_set(2)
-    last = copied(strip)
+    last = script_copy(strip)
     bpy.data.objects.remove(copy)
     assert follows(last) and follows(strip)
 
 
 def test_renamed_and_deleted_objects_leave_the_others_known(strip):
-    others = [copied(strip) for _ in range(3)]
+    others = [script_copy(strip) for _ in range(3)]
     bpy.context.scene.frame_set(2)
     strip.name = "Other name"
     bpy.data.objects.remove(others[1])
@@ -174,7 +167,7 @@ def test_renamed_and_deleted_objects_leave_the_others_known(strip):
 
 def test_after_undo_and_redo_objects_are_known(strip):
     bpy.ops.ed.undo_push(message="one")
-    copied(strip).name = "Copy"
+    script_copy(strip).name = "Copy"
     bpy.ops.ed.undo_push(message="two")
     bpy.ops.ed.undo()
     assert follows(bpy.data.objects['Strip']) and 'Copy' not in bpy.data.objects
@@ -215,7 +208,7 @@ def test_a_follower_is_known_with_its_copies(strip):
     follower = make_strip(name="Follower")
     follower.detail_deform.handles.clear()
     assert bpy.ops.object.detail_deform_transfer_live(source="Strip") == {'FINISHED'}
-    copy = copied(follower)
+    copy = script_copy(follower)
     handle(strip).location.z += 0.3
     bpy.context.scene.frame_set(5)
     for ob in (follower, copy):

@@ -8,8 +8,8 @@ import pytest
 from mathutils import Matrix
 
 from conftest import (activate, add_empty, add_handle, bind, choose, evaluated, group, make_strip, moved, own, pull,
-                      refusal, set_factor, update)
-from multires import KEY, add_key, displaced, key, keys, make_sculpt, offsets_of, pose, press, script_copy, sculpt
+                      refusal, script_copy, set_factor, update)
+from multires import KEY, add_key, displaced, key, keys, make_sculpt, offsets_of, pose, press, sculpt
 
 
 # ---- Multires

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base/bound_surface.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <future>
@@ -67,11 +66,8 @@ constexpr int kMostMixedFunctions = 40;
 std::shared_ptr<const CoarseMesh> coarse_contraction(const FactoredSurface& surface) {
   const Region& region = surface.region;
   double area = 0;
-  for (int j = 0; j < static_cast<int>(surface.operators.triangles.rows()); ++j) {
-    const auto corners = surface.operators.triangles.row(j);
-    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return region.row[v] >= 0; }))
-      area += surface.operators.metric.areas[j];
-  }
+  for (int j : triangles_with_free_corners(region, surface.operators.triangles))
+    area += surface.operators.metric.areas[j];
   const double size = std::sqrt(area);
   return contract_active(surface.mesh, region, surface.operators.triangles,
                          coarse_spacing(Refined{}.rotation_smoothing * size, size));

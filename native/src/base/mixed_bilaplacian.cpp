@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base/mixed_bilaplacian.h"
 
-#include <cmath>
+#include <algorithm>
 
 #include "systems/free_block.h"
 
@@ -25,14 +25,9 @@ Sums ratio(const Sums& a, const Sums& b) { return (b != 0).select(a / b, 0); }
 
 std::vector<int> rim_of(const FactoredSurface& surface) {
   std::vector<int> rim;
-  for (int v = 0; v < surface.mesh.vertex_count(); ++v) {
-    if (surface.region.row[v] >= 0) continue;
-    for (SparseMatrix::InnerIterator it(surface.operators.laplacian, v); it; ++it) {
-      if (surface.region.row[it.row()] < 0) continue;
-      rim.push_back(v);
-      break;
-    }
-  }
+  rim.reserve(surface.poisson->rims().size());
+  for (int row : surface.poisson->rims()) rim.push_back(surface.order().vertex_of_row[size_t(row)]);
+  std::sort(rim.begin(), rim.end());
   return rim;
 }
 

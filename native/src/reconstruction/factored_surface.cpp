@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "reconstruction/factored_surface.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -42,13 +41,7 @@ void FactoredSurface::factor(SparseMatrix block, BlockOptions options) {
 
 std::vector<int> FactoredSurface::faces_with_free_corners() const {
   if (!operators.flipped) return poisson->active().triangles;
-  std::vector<int> faces;
-  for (int j = 0; j < mesh.triangle_count(); ++j) {
-    const auto corners = mesh.triangles.row(j);
-    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return region.role[v] == kFree; }))
-      faces.push_back(j);
-  }
-  return faces;
+  return triangles_with_free_corners(region, mesh.triangles);
 }
 
 double FactoredSurface::bytes() const {

@@ -170,19 +170,12 @@ void PoissonSystem::clear(int section, const Rows& at_rest) {
              rim_slot_begin_[section + 1] - rim_slot_begin_[section]);
 }
 
-void PoissonSystem::gather_slots() {
-  rows_.gather_slots(right_);
-  const Index slots = rim_begin() + Index(rims_.size());
-  right_.middleRows(rim_begin(), Index(rims_.size())).setZero();
+const Rows& PoissonSystem::gather_rims() {
+  const Index count = static_cast<Index>(rims_.size()), slots = rim_begin() + count;
+  right_.middleRows(rim_begin(), count).setZero();
   for (size_t k = 0; k < rim_of_slot_.size(); ++k)
     right_.row(rim_begin() + rim_of_slot_[k]) += right_.row(slots + Index(k));
-}
-
-void PoissonSystem::take_rim_divergence(Rows& rims) {
-  rims.setZero(static_cast<Index>(rims_.size()), 4);
-  const Index slots = rim_begin() + static_cast<Index>(rims_.size());
-  for (size_t k = 0; k < rim_of_slot_.size(); ++k)
-    rims.row(rim_of_slot_[k]) += right_.row(slots + Index(k));
+  return right_;
 }
 
 void PoissonSystem::start(int section, const Rows& at_rest, const Rows& offsets) {

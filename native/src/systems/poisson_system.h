@@ -137,13 +137,13 @@ class PoissonSystem {
       clear(section, at_rest);
       add(section, right_.data());
     });
-    gather_slots();
-    return right_;
+    rows_.gather_slots(right_);
+    return gather_rims();
   }
   int rim_begin() const { return rows_.count(); }
 
-  /// After a solve(): what its sections added to the rims, less at_rest; a row for each of rims().
-  void take_rim_divergence(Rows& rims);
+  /// After a solve(): as divergence(), but of the rims alone.
+  const Rows& rim_divergence() { return gather_rims(); }
 
   /// Harmonic extension, L x = 0: sets the free rows of three columns of values from the handles'
   /// rows, with zero on fixed vertices.
@@ -178,8 +178,8 @@ class PoissonSystem {
   void sum_rest_divergence(const Mesh& mesh, const SurfaceOperators& operators);
   /// Sets a section's rows and slots of the right-hand side to −at_rest.
   void clear(int section, const Rows& at_rest);
-  /// Adds the sections' slots to the rows of the top and of the rims.
-  void gather_slots();
+  /// Sums what sections have added to the slots of rims, in rows of right_, which is returned.
+  const Rows& gather_rims();
   /// Sets a section's rows and slots to −at_rest and moves the known displacements of the handles
   /// to the right-hand side, by the entries of L that couple them to free vertices.
   void start(int section, const Rows& at_rest, const Rows& offsets);

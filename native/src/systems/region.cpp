@@ -56,6 +56,16 @@ void check_roles(const std::vector<int>& roles, int handle_count) {
                 Remedy::assign_vertices);
 }
 
+std::vector<int> triangles_with_free_corners(const Region& region, const Triangles& triangles) {
+  std::vector<int> found;
+  for (int j = 0; j < static_cast<int>(triangles.rows()); ++j) {
+    const auto corners = triangles.row(j);
+    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return region.row[v] >= 0; }))
+      found.push_back(j);
+  }
+  return found;
+}
+
 Region region_of_roles(std::vector<int> roles, int handle_count) {
   Region region;
   region.role = std::move(roles);

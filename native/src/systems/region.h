@@ -32,6 +32,9 @@ struct Region {
   int free_count() const { return static_cast<int>(free.size()); }
 };
 
+/// The triangles with a free corner, ascending.
+std::vector<int> triangles_with_free_corners(const Region& region, const Triangles& triangles);
+
 /// Numbers the free vertices of the given roles, which are not checked; independent of the mesh and
 /// its kind of elements.
 Region region_of_roles(std::vector<int> roles, int handle_count);

@@ -116,7 +116,7 @@ void CoarseClamps::solve(const FluxSource& source, double weight, Rows& offsets)
   poisson.solve(
       source.at_rest(), [&](int section, double* rows) { source.add(section, rows); }, offsets);
   if (weight == 0) return;
-  poisson.take_rim_divergence(mismatch_);
+  mismatch_ = poisson.rim_divergence().middleRows(poisson.rim_begin(), rims_.rows());
   mismatch_ -= rims_ * offsets;
   coarse_mismatch_.setZero(static_cast<Index>(fine_rim_.size()), 4);
   for (size_t i = 0; i < fine_rim_.size(); ++i)

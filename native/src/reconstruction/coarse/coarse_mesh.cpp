@@ -56,9 +56,8 @@ std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles
 }
 
 std::vector<int> active_faces(const Mesh& mesh, const Region& region, const Triangles& triangles) {
-  std::vector<char> free(region.role.size(), 0), active = free;
-  for (int v : region.free) free[size_t(v)] = 1;
-  for (int j : triangles_with(free, triangles))
+  std::vector<char> active(region.role.size(), 0);
+  for (int j : triangles_with_free_corners(region, triangles))
     for (int v : triangles.row(j)) active[size_t(v)] = 1;
   return triangles_with(active, mesh.triangles);
 }
