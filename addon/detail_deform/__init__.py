@@ -28,13 +28,14 @@ def _parts():
         raise RuntimeError("Detail Deform needs numpy, which Blender's own builds bring along and this "
                            "one does not: install the system's package python3-numpy.") from error
     from . import handlers, properties
-    from .operators import (bake_operators, drag_operators, example_operators, operators, pose_operators,
-                            problem_operators, pull_operator, setup_operators, transfer_many_operators,
-                            transfer_operators)
-    from .ui import handle_gizmos, marker_preview, panels, preferences, preview, sidebar, tool, transfer_panel
-    return (properties, operators, setup_operators, problem_operators, pull_operator, drag_operators, bake_operators,
-            example_operators, pose_operators, transfer_operators, transfer_many_operators, panels, sidebar,
-            transfer_panel, tool, handle_gizmos, preferences, preview, marker_preview, handlers)
+    from .operators import (bake_operators, brush_operator, drag_operators, example_operators, operators,
+                            pose_operators, problem_operators, pull_operator, setup_operators,
+                            transfer_many_operators, transfer_operators)
+    from .ui import (brush_tool, handle_gizmos, marker_preview, panels, preferences, preview, sidebar, tool,
+                     transfer_panel)
+    return (properties, operators, setup_operators, problem_operators, pull_operator, drag_operators, brush_operator,
+            bake_operators, example_operators, pose_operators, transfer_operators, transfer_many_operators, panels,
+            sidebar, transfer_panel, tool, brush_tool, handle_gizmos, preferences, preview, marker_preview, handlers)
 
 
 _is_registered = False

@@ -9,7 +9,7 @@ from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import (apply_result, cache_modifier, channel, deform_modifier, mesh_data, offset_attribute, saved_match,
                      selection, stack)
-from ..setup import at_rest, handle_setup, region_setup
+from ..setup import at_rest, handle_setup
 from .operator_base import HandleEmptyOperator, MeshOperator
 
 
@@ -60,8 +60,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         saved_match.forget(ob)
         bake.drop_cache(ob)
         channel.remove(ob)
-        handle_setup.remove_handles(ob, range(len(ob.detail_deform.handles)))
-        region_setup.remove_own(ob)
+        handle_setup.remove_made(ob)
         ob.property_unset('detail_deform')
 
 
@@ -174,6 +173,9 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
         name="As", default='MESH', description="What the deformation becomes part of",
         items=[('MESH', "Mesh", "Move the mesh's vertices, and those of its shape keys with them"),
                ('SHAPE_KEY', "Shape Key", "Add a shape key that holds the deformation, at full value")])
+    remove_handles: BoolProperty(
+        name="Remove Handles", default=False, options={'SKIP_SAVE'},
+        description="Remove the handles, too, with the empties and vertex groups that were made for them")
 
     @classmethod
     def poll_object(cls, ob):
@@ -189,6 +191,8 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
             binding.unbind(ob)
             live_transfer.stop(ob)
             channel.remove(ob)
+            if self.remove_handles:
+                handle_setup.remove_made(ob)
 
 
 class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):

@@ -10,9 +10,9 @@ from ..library.options import FALLOFFS
 from ..scene import handle_owners, mesh_data, stack
 from ..scene.selection import activate
 from ..setup import pulling
-from . import edit_again
+from . import edit_again, view
 from .operator_base import MeshOperator, Progress
-from .reach_choice import ReachChoice, View
+from .reach_choice import ReachChoice
 
 
 class _UnderWay(list):
@@ -91,7 +91,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         if bpy.app.background or context.window is None:
             return self.execute(context)
         ob = self._ob = context.active_object
-        self._view = _view(context)
+        self._view = view.chosen(context)
         edit_again.remember_edit_mode(context)
         try:
             mesh_data.check_editable(ob)
@@ -159,11 +159,11 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
 
     def _hand_over(self, context):
         """Ends, and starts Move: the new empty follows the mouse."""
-        ob, pull, view = self._ob, self._pull, self._view
+        ob, pull, seen_in = self._ob, self._pull, self._view
         self._end(context, None)
         self.finished(context, ob, pull, "Move the empty, and click")
-        if view:
-            with context.temp_override(area=view.area, region=view.region):
+        if seen_in:
+            with context.temp_override(area=seen_in.area, region=seen_in.region):
                 move = bpy.ops.object.detail_deform_move_pulled if self.stay else bpy.ops.transform.translate
                 move('INVOKE_DEFAULT')
         return {'FINISHED'}
@@ -215,18 +215,6 @@ class OBJECT_OT_detail_deform_pull_curve(PullOperator, bpy.types.Operator):
 def _check_mode(ob):
     if ob.mode != 'EDIT':
         raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
-
-
-def _view(context):
-    """The View for the choice and for Move: the one from which Pull was called, or the window's largest; None without
-    any."""
-    areas = [area for area in context.window.screen.areas if area.type == 'VIEW_3D']
-    if not areas:
-        return None
-    area = context.area if context.area in areas else max(areas, key=lambda area: area.width * area.height)
-    if context.area == area and context.region.type == 'WINDOW':
-        return View(area, context.region)
-    return View(area, next(region for region in area.regions if region.type == 'WINDOW'))
 
 
 CLASSES = (OBJECT_OT_detail_deform_pull, OBJECT_OT_detail_deform_pull_curve)

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Interactive choice of a region's radius: with the mouse, its wheel or a typed number, with a preview in the view."""
 
-from typing import NamedTuple
-
 import bpy
 import numpy as np
-from bpy_extras.view3d_utils import location_3d_to_region_2d, region_2d_to_location_3d
 from mathutils import Vector
 
 from ..library.options import FALLOFFS, FALLOFF_ORDERS
@@ -18,10 +15,11 @@ _TAB = {False: "    Tab: afterwards (Object Mode)", True: "    Tab: afterwards (
 _SHARED = ", with what the handles move that it reaches"
 
 
-class View(NamedTuple):
-    """A 3D view of the window."""
-    area: bpy.types.Area
-    region: bpy.types.Region
+def length_text(units, length):
+    """A length in world units, as the scene's UnitSettings have it."""
+    if units.system == 'NONE':
+        return f"{length:.4g}"
+    return bpy.utils.units.to_string(units.system, 'LENGTH', length * units.scale_length, precision=4)
 
 
 class ReachChoice:
@@ -40,7 +38,7 @@ class ReachChoice:
         middle = chosen.mean(0)
         self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
         self._middle = Vector(middle + surface.origin)
-        self._mouse, self._is_near = self._mouse_of(event), False
+        self._mouse, self._is_near = view.mouse(event), False
         self._sharing_distances = [surface.distances[other.held].min(initial=np.inf) for other in earlier]
         self._drawing = ReachDrawing(self, surface, positions, [other.moved for other in earlier])
         self._show(context)
@@ -66,7 +64,7 @@ class ReachChoice:
         """(centre, radius) of the circle in pixels of a region; None if it isn't drawn there."""
         if region != self._view.region:
             return None
-        middle, unit = self._on_screen()
+        middle, unit = self._view.on_screen(self._middle), self._view.unit(self._middle)
         return middle and (middle, (self._extent + self.radius) / unit)
 
     def handle_event(self, context, event):
@@ -99,23 +97,11 @@ class ReachChoice:
         self._view.area.tag_redraw()
         context.workspace.status_text_set(None)
 
-    def _mouse_of(self, event):
-        return Vector((event.mouse_x - self._view.region.x, event.mouse_y - self._view.region.y))
-
-    def _on_screen(self):
-        """(centre of the chosen vertices in pixels, or None behind the eye; world units per pixel at its depth)."""
-        region, view = self._view.region, self._view.region.data
-        middle = location_3d_to_region_2d(region, view, self._middle)
-        if middle is None:  # behind the eye
-            return None, 1.0
-        ends = [region_2d_to_location_3d(region, view, middle + Vector((x, 0)), self._middle) for x in (0, 100)]
-        return middle, max((ends[1] - ends[0]).length / 100, 1e-30)
-
     def _move(self, event):
         """Changes the radius as the mouse's distance from the centre changes. It decreases only once the mouse has been
         within the circle: before, the mouse is on its way back from the menu or the panel that was clicked."""
-        before, self._mouse = self._mouse, self._mouse_of(event)
-        middle, unit = self._on_screen()
+        before, self._mouse = self._mouse, self._view.mouse(event)
+        middle, unit = self._view.on_screen(self._middle), self._view.unit(self._middle)
         if self._typed or middle is None:
             return
         away = (self._mouse - middle).length - (before - middle).length
@@ -144,8 +130,7 @@ class ReachChoice:
             return 0.0
 
     def _show(self, context):
-        length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
-            self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
+        length = length_text(self._units, self.radius)
         shape = "" if self.sharing_indices else f"    S: falloff ({FALLOFFS[self.smoothness][1].lower()})"
         keys = _KEYS + shape + _TAB[self.stay]
         self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"

@@ -51,6 +51,19 @@ def _make_shader():
     return gpu.shader.create_from_info(info)
 
 
+def draw_circle(centre, radius):
+    """Draws a circle that is visible on any background. centre, radius: in pixels of the drawn region."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    turns = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
+    corners = np.stack([centre[0] + radius * np.cos(turns), centre[1] + radius * np.sin(turns), 0 * turns], -1)
+    gpu.state.blend_set('ALPHA')
+    for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.5)), (1.5, (1.0, 1.0, 1.0, 0.9))):
+        shader = shaders.lines(width, colour)
+        batch_for_shader(shader, 'LINE_STRIP', {'pos': corners.astype(np.float32)}).draw(shader)
+    gpu.state.blend_set('NONE')
+
+
 class ReachDrawing:
     """Draws into every 3D view until close(). The buffers are made once; another radius is another uniform."""
 
@@ -105,16 +118,7 @@ class ReachDrawing:
         gpu.state.blend_set('NONE')
 
     def _draw_circle(self):
-        import gpu
-        from gpu_extras.batch import batch_for_shader
         circle = self._choice.circle(bpy.context.region)
         if circle is None:
             return
-        (x, y), radius = circle
-        turns = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
-        corners = np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns), 0 * turns], -1).astype(np.float32)
-        gpu.state.blend_set('ALPHA')
-        for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.5)), (1.5, (1.0, 1.0, 1.0, 0.9))):  # visible on any background
-            shader = shaders.lines(width, colour)
-            batch_for_shader(shader, 'LINE_STRIP', {'pos': corners}).draw(shader)
-        gpu.state.blend_set('NONE')
+        draw_circle(*circle)

@@ -9,7 +9,7 @@ from mathutils import Matrix
 from ..follow import lifecycle
 from ..scene import displayed, handle_rests, handle_transforms, mesh_data, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
-from . import empties, handle_paths
+from . import empties, handle_paths, region_setup
 
 _GROUP_NAME = "Handle"
 _MAX_AT_ONCE = 1000  # handles; safety: each gets an empty, and more empties are too many to work with
@@ -35,15 +35,16 @@ def _chosen_group(ob, name):
     return name or ob.vertex_groups.active.name
 
 
-def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True, curve_points=0):
+def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True, curve_points=0, chosen=None):
     """Adds one or more handles with their empties; the arguments are the properties of the operator handle_add.
-    curve_points: makes a curve with so many control points along the selected vertices in place of an empty. Returns
-    the first handle. Raises MeshProblem."""
+    curve_points: makes a curve with so many control points along the selected vertices in place of an empty. chosen:
+    (n,) bool, the vertices of a single handle, in place of those that are selected in Edit Mode. Returns the first
+    handle. Raises MeshProblem."""
     if ob.library or ob.data.library:
         mesh_data.check_object(ob)
-    from_selection = ob.mode == 'EDIT'
+    from_selection = ob.mode == 'EDIT' or chosen is not None
     if from_selection:
-        parts = _selected_parts(ob, each)
+        parts = _selected_parts(ob, each) if chosen is None else [np.flatnonzero(chosen)]
         path = handle_paths.along(ob, parts[0]) if curve_points else None
         names = [group.name for group in selection.new_groups(ob, _GROUP_NAME, parts)]
     elif each != 'SELECTION':
@@ -119,6 +120,16 @@ def remove_handles(ob, indices):
     handle_transforms.convert_for_copies(ob, needed)
     for index in sorted(indices, reverse=True):
         _remove_handle(ob, index, groups, needed)
+
+
+def remove_made(ob):
+    """Removes all handles, and the region if it was made for them."""
+    settings = ob.detail_deform
+    remove_handles(ob, range(len(settings.handles)))
+    if settings.region and settings.region == settings.own_region:
+        region_setup.remove_own(ob)
+        settings.region = settings.own_region = ""
+    settings.pulled_region = False
 
 
 def _remove_handle(ob, index, needed_groups, needed_empties):

@@ -92,12 +92,13 @@ def _mirror_region(ob, image, axis):
         selection.fill_group(ob, group, region | image | mirror_image(ob, region, axis)[0])
 
 
-def keep_symmetric(ob, handle, axis):
+def keep_symmetric(ob, handle, axis, image=None):
     """Makes a handle symmetric that straddles the object's plane: the mirror images of its vertices are added to its
-    group, if that is its own, and its motion is restricted to symmetric ones."""
+    group, if that is its own, and its motion is restricted to symmetric ones. image: as for mirror()."""
     if handle.vertex_group == handle.own_group and not handle_setup.shares_group(ob, handle, handle.own_group):
         chosen = mesh_data.members(ob, handle.vertex_group)
-        selection.fill_group(ob, ob.vertex_groups[handle.own_group], chosen | mirror_image(ob, chosen, axis)[0])
+        image = mirror_image(ob, chosen, axis)[0] if image is None else image
+        selection.fill_group(ob, ob.vertex_groups[handle.own_group], chosen | image)
     handle.symmetric |= {'XYZ'[axis]}
 
 
@@ -119,9 +120,10 @@ def _split_middle(ob, handle, letter, chosen, image):
     return middle
 
 
-def mirror(context, ob, handle, axis, symmetric, reaches=True):
+def mirror(context, ob, handle, axis, symmetric, reaches=True, image=None):
     """Adds the mirror image of a handle across the object's local plane perpendicular to axis 0, 1 or 2. symmetric: the
     image has no empty but mirrors the handle's motion. reaches: extend the handle's reach, or the region, accordingly.
+    image: (n,) bool, the vertices of the image, where they aren't those at the places of mirror_image().
 
     Returns a sentence about vertices that have no counterpart, or ''. Raises MeshProblem."""
     name, letter = handle.name, 'XYZ'[axis]
@@ -135,7 +137,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
     chosen = mesh_data.members(ob, handle.vertex_group)
-    image, missing = mirror_image(ob, chosen, axis)
+    image, missing = mirror_image(ob, chosen, axis) if image is None else (image.copy(), [])
     if not image.any():
         raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "
                           "the mesh is not symmetric there, or not about its origin.")

@@ -24,7 +24,7 @@ def selected_distances(ob):
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: {handle_setup.SELECT_FOR_HANDLE}.")
-    images = [mirroring.mirror_image(ob, chosen, axis)[0] for axis in _symmetric_axes(ob)]
+    images = [mirroring.mirror_image(ob, chosen, axis)[0] for axis in symmetric_axes(ob)]
     return region_setup.SurfaceDistances(ob, np.logical_or.reduce([chosen, *images]), chosen)
 
 
@@ -51,7 +51,8 @@ def earlier_handles(ob, count):
     return found
 
 
-def _symmetric_axes(ob):
+def symmetric_axes(ob):
+    """[axis]: 0 to 2, those of the mesh's symmetry whose other side is no Mirror modifier's."""
     return [axis for axis, letter in enumerate('xyz')
             if getattr(ob.data, f'use_mirror_{letter}') and not mirror_plane.is_mirrored(ob, axis)]
 
@@ -65,6 +66,9 @@ class Pull:
         curve_points: as for handle_setup.add_handles()."""
         self.radius, self.remarks, self._falloff, self._curve_points = radius, [], falloff, curve_points
         self._context, self._ob, self._surface = context, ob, surface
+        self.is_binding = self._is_undone = False
+        self._may_move, self._always_reach = True, False  # which vertices may follow; whether to leave the region alone
+        self._region = self._binding = None  # the states before, once they may change
         self._had_modifier = deform_modifier.find(ob) is not None
         self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
         self._edited = list(context.objects_in_mode)
@@ -73,27 +77,29 @@ class Pull:
         """Generator: yields the fraction done. wait: block until the object is bound. watch: yield the progress of the
         bind in the background until it ends. Raises MeshProblem or native.NativeError."""
         ob, settings = self._ob, self._ob.detail_deform
-        region = earlier = None
         try:
-            handle_setup.add_handles(self._context, ob, curve_points=self._curve_points)
-            yield 0.0
-            bpy.ops.object.mode_set(mode='OBJECT')
-            yield 0.0
-            region, earlier = region_setup.snapshot(ob), binding_state.present(ob)
+            yield from self._add_handle()
+            self._region, self._binding = region_setup.snapshot(ob), binding_state.present(ob)
             registry.check_mesh(ob)
             self._mirror()
             yield 0.0
-            if may_set_region(ob):
-                self._set_moved_vertices()
-                yield 0.0
+            self._set_moved_vertices()
+            yield 0.0
             self._context.view_layer.update()  # evaluates the new empty's matrix
             binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
+            self.is_binding = True
             if watch:
-                yield from self._until_bound()
+                yield from self.until_bound()
         except BaseException:
-            self._undo(region, earlier)
+            self.undo()
             raise
         settings.handle_index = self._count
+
+    def _add_handle(self):
+        handle_setup.add_handles(self._context, self._ob, curve_points=self._curve_points)
+        yield 0.0
+        bpy.ops.object.mode_set(mode='OBJECT')
+        yield 0.0
 
     @property
     def made_modifier(self):
@@ -105,41 +111,55 @@ class Pull:
 
     def _mirror(self):
         """Adds the symmetric handles for Edit Mode's symmetry."""
-        axes = _symmetric_axes(self._ob)
+        axes = symmetric_axes(self._ob)
         if axes and self._curve_points:
             self.remarks.append("Edit Mode's symmetry mirrors no curves: pull the other side by a curve of its own")
             return
         for axis in axes:
-            handle = self._ob.detail_deform.handles[self._count]
+            handle, image = self._ob.detail_deform.handles[self._count], self._image(axis)
             try:
-                remark = mirroring.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False)
+                remark = mirroring.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False,
+                                          image=image)
             except mirroring.MirrorsItself:
-                mirroring.keep_symmetric(self._ob, handle, axis)
+                mirroring.keep_symmetric(self._ob, handle, axis, image)
                 continue
             except MeshProblem as problem:  # the selected vertices are pulled without an image
                 remark = str(problem)
             if remark:
                 self.remarks.append(remark)
 
+    def _image(self, axis):
+        """(n,) bool: the vertices of the new handle's mirror image; None: those at the mirrored places."""
+        return None
+
     def _set_moved_vertices(self):
-        """Sets what the new handles move. Earlier handles with a vertex within the radius share it: all of them and the
-        new ones then move the union of what they moved and the vertices within the radius. This is the region if there
-        are no earlier handles, or if one of those within the radius moves the region; otherwise it is a reach."""
-        ob, settings = self._ob, self._ob.detail_deform
+        """Sets what the new handles move, unless the user has set the region."""
+        ob = self._ob
+        if not may_set_region(ob):
+            return
         earlier = earlier_handles(ob, self._count)
-        handles = settings.handles[self._count:]
-        new = mesh_data.group_weights(ob, [h.vertex_group for h in handles]) > mesh_data.MEMBER_WEIGHT
+        groups = [handle.vertex_group for handle in ob.detail_deform.handles[self._count:]]
+        new = mesh_data.group_weights(ob, groups) > mesh_data.MEMBER_WEIGHT
         start = new.any(axis=0) if earlier or not self._count else region_setup.starting_vertices(ob)
         surface = self._surface
         if surface is None or not np.array_equal(surface.start, start):
             surface = region_setup.SurfaceDistances(ob, start, chosen=new[0])
         self.radius = self.radius or surface.suggested_radius()
-        members = surface.within(self.radius)
+        self._move(surface.within(self.radius), earlier)
+
+    def _move(self, members, earlier):
+        """Has the new handles move these vertices. Earlier handles with a vertex among them share them: all of these
+        and the new ones then move the union of what they moved and the members. This is the region if there are no
+        earlier handles, or if one of those that share moves the region; otherwise it is a reach. members: (n,) bool.
+        earlier: of earlier_handles()."""
+        ob, settings = self._ob, self._ob.detail_deform
+        handles = settings.handles[self._count:]
         within_radius, moved = [other for other in earlier if members[other.held].any()], members.copy()
         for other in within_radius:
             moved[other.moved] = True
         sharing = [h for h in settings.handles if h.reach and h.reach in {other.reach for other in within_radius}]
-        if earlier and not any(other.reach == "" for other in within_radius):
+        moved &= self._may_move
+        if (earlier or self._always_reach) and not any(other.reach == "" for other in within_radius):
             region_setup.set_reach(ob, [*sharing, *handles], moved)
             for handle in handles:
                 handle.falloff = sharing[0].falloff if sharing else self._falloff
@@ -151,7 +171,8 @@ class Pull:
         if not self._count and self._falloff != 'MESH':
             settings.smoothness = FALLOFF_ORDERS[self._falloff]
 
-    def _until_bound(self):
+    def until_bound(self):
+        """Generator: yields the progress of the bind in the background until it ends. Raises MeshProblem."""
         settings = self._ob.detail_deform
         content = settings.signature
         while handle_follower.cache.under_way(content):
@@ -159,28 +180,34 @@ class Pull:
         if settings.signature != content or handle_follower.cache.find(content) is None:
             raise MeshProblem(settings.problem)
 
-    def _undo(self, region, earlier):
-        """Undoes the stages. region, earlier: the states to restore; None if they are unchanged."""
+    def undo(self):
+        """Undoes the stages. Does nothing the second time."""
+        if self._is_undone:
+            return
+        self._is_undone = True
         try:
-            self._undo_changes(region, earlier)
+            self._undo_changes()
         except ReferenceError:
             pass  # the object was deleted meanwhile
 
-    def _undo_changes(self, region, earlier):
-        ob, settings = self._ob, self._ob.detail_deform
+    def _undo_changes(self):
+        ob, settings, earlier = self._ob, self._ob.detail_deform, self._binding
         if earlier:
             if settings.signature not in earlier.state:  # this Pull has begun to bind
                 handle_follower.cache.let_go(settings.signature)
             settings.signature = ""  # so that nothing is compared with the lost binding
         handle_setup.remove_handles(ob, range(self._count, len(settings.handles)))
-        if region:
-            region_setup.restore(ob, region)
+        if self._region:
+            region_setup.restore(ob, self._region)
         if not self._had_modifier:
             channel.remove(ob)
         settings.handle_index = self._index
         if earlier:
             binding_state.restore(ob, earlier)
         self._context.view_layer.objects.active = ob
+        self._return_to_mode()
+
+    def _return_to_mode(self):
         unselected = [other for other in self._edited if not other.select_get()]
         for other in unselected:
             other.select_set(True)  # only selected objects enter Edit Mode

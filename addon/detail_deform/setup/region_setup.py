@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..library import native
 from ..scene import displayed, loose, mesh_data, selection, split, users
 from ..scene.subject import enabled_handles
 from ..scene.mesh_data import MeshProblem
@@ -162,6 +163,28 @@ def _with_loose(ob, triangles, distances):
     connect them: distances along the surface are infinite there, and a whisker belongs to the region of its root."""
     root_of = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
     return np.where(root_of >= 0, np.minimum(distances, distances[root_of]), distances)
+
+
+def distances_up_to(ob, parts, limit):
+    """(n,) float32: as SurfaceDistances.distances, from the nearest of the parts, arrays of vertices; infinite beyond
+    the limit, in world units. The time is that of the surface within the limit, apart from a pass over all vertices and
+    triangles."""
+    positions, welded = _from_origin(ob, deformed_positions(ob)), split.WeldedMesh(ob)
+    triangles = welded.representatives(mesh_data.triangles(ob.data))
+    result = np.full(len(positions), np.inf, np.float32)
+    for part in parts:
+        start = np.unique(welded.representatives(part))
+        low, high = positions[start].min(axis=0) - limit, positions[start].max(axis=0) + limit
+        # No shortest path up to the limit leaves the box.
+        inside = ((positions >= low) & (positions <= high)).all(axis=1)
+        vertices, near = np.unique(triangles[inside[triangles].any(axis=1)], return_inverse=True)
+        is_start = np.isin(vertices, start)
+        found = native.distances(positions[vertices], near.reshape(-1, 3).astype(np.int32), is_start)
+        result[vertices] = np.minimum(result[vertices], found)
+        result[start] = 0
+    result = _with_loose(ob, triangles, result[welded.representatives(np.arange(len(result)))])
+    result[result > limit] = np.inf
+    return result
 
 
 def within(ob, start, radius):

@@ -116,8 +116,9 @@ def was_undone(blocks):
     return found.mode == 'EDIT' and not found.vertex_groups and len(bpy.data.objects) == blocks[0]
 
 
-def drag(name, place, right, down):
-    """Drags with the left button from a place in the world, by pixels. name: of the screenshot before the release."""
+def drag(name, place, right, down, before_release=()):
+    """Drags with the left button from a place in the world, by pixels. name: of the screenshot before the release.
+    before_release: [(key or button, how often)] of xdotool's, pressed before that."""
     from bpy_extras.view3d_utils import location_3d_to_region_2d
     view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     region = next(r for r in view.regions if r.type == 'WINDOW')
@@ -130,12 +131,17 @@ def drag(name, place, right, down):
         xdotool('mousemove_relative', '--', right // 8, down // 8)
         yield 0.03
     yield from settle()
+    for what, times in before_release:
+        for _ in range(times):
+            xdotool('click' if isinstance(what, int) else 'key', what)
+            yield 0.05
+    yield from settle()
     screenshot(name)
     xdotool('mouseup', 1)
     yield from settle()
 
 
-def show_tool():
+def show_tool(name='tool'):
     """Scrolls the toolbar to its end, which is below the window's edge, and takes a screenshot."""
     view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     region = next(r for r in view.regions if r.type == 'TOOLS')
@@ -144,7 +150,7 @@ def show_tool():
         xdotool('click', 5)  # the wheel, down
         yield 0.02
     yield from settle()
-    screenshot('tool')
+    screenshot(name)
 
 
 def suzanne():

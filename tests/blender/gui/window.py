@@ -22,6 +22,7 @@ import gpu
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import brushes
 import curves
 import everyday
 import handles
@@ -47,6 +48,7 @@ ROWS = {
                  everyday.stiffening),
     'results': (results.expressing, results.rendering, results.baking),
     'sculpts': (sculpts.pulling_a_sculpt, sculpts.sculpting_on),
+    'brushes': (brushes.sculpting_mode, brushes.by_brush, brushes.sculpting_what_was_pulled),
     'large': (large.drafting, large.keeping_track),
 }
 

@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pull in Sculpt Mode, by one drag on the surface: its start is the handle, its way the handle's motion."""
+
+import time
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
+from mathutils import Matrix, Vector
+
+from .. import session
+from ..follow import lifecycle, messages
+from ..library.options import HANDLE_TURNS
+from ..scene import brush_size, displayed, mesh_data, picking, sculpted, stack, start
+from ..scene.mesh_data import MeshProblem
+from ..setup import brush_pulling
+from . import brush_circle, view
+from .operator_base import MeshOperator, Progress
+from .pull_operator import FALLOFF, RADIUS
+from .reach_choice import length_text
+
+_WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
+_PAUSE_SECONDS = 0.15  # without a notch, after which the new radius is bound: about that between two notches
+_KEYS = "    Wheel: reach    Shift: finely    Esc, right click: cancel"
+
+
+class _UnderWay(list):
+    """The running modal operator, if there is one."""
+
+    def clear(self):
+        for pull in list(self):
+            pull.cancel(bpy.context)
+
+
+_under_way = session.kept(_UnderWay(), session.Until.REPLACED)
+# content: (name of the object, sculpted.signature()) after the last pull, if no undo has come since.
+_last = session.Values(session.Until.REPLACED, content=None)
+
+
+def _make_undoable(ob):
+    """Pushes a step of undo that holds the whole scene, unless the last step is one. Blender's undo goes back from a
+    step of the whole scene to one of Sculpt Mode, as those of strokes, without restoring what else has changed."""
+    if not _last.content or None in _last.content or _last.content != (ob.name, sculpted.signature(ob)):
+        bpy.ops.ed.undo_push(message="Sculpt Mode")
+
+
+class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_brush_pull'
+    bl_label = "Pull with the Brush"
+    bl_description = ("In Sculpt Mode: what is under the brush becomes a handle with a reach of the brush's radius, "
+                      "and is moved by the drag. A drag that begins on a handle moves that one")
+
+    hold: EnumProperty(
+        name="Hold", default='BRUSH', description="What becomes the handle",
+        items=[('BRUSH', "Brush", "What lies in the middle of the brush: see Handle Size"),
+               ('FACE_SET', "Face Set", "The whole face set under the brush; the reach is counted from its border")])
+    handle_size: FloatProperty(
+        name="Handle Size", default=0.25, min=0.0, max=0.9, subtype='FACTOR',
+        description="Share of the brush's radius in which the surface is moved as one piece")
+    falloff: EnumProperty(**FALLOFF)
+    turns: EnumProperty(name="Turns", items=HANDLE_TURNS, description="What turns the vertices of the handle")
+    apply: BoolProperty(
+        name="Apply on Release", default=False,
+        description="Make the pull part of the sculpt when the button is let go, and keep no handle")
+    radius: FloatProperty(**{**RADIUS, 'description': "Distance along the surface up to which it follows. 0: the "
+                                                      "radius of the brush"}, options={'SKIP_SAVE'})
+    point: FloatVectorProperty(
+        name="Point", subtype='TRANSLATION', options={'SKIP_SAVE'},
+        description="World place on the displayed surface at which the pull begins")
+    offset: FloatVectorProperty(
+        name="Offset", subtype='TRANSLATION', options={'SKIP_SAVE'}, description="How far it is pulled, in the world")
+
+    _view = _ob = _pull = _stages = _progress = _held = None
+
+    @classmethod
+    def poll_object(cls, ob):
+        if ob.mode != 'SCULPT':
+            cls.poll_message_set("Enter Sculpt Mode first")
+            return False
+        return True
+
+    def run(self, context, ob):
+        brush_pulling.check(ob)
+        if not self.radius:
+            raise MeshProblem("Without a window there is no brush: give the radius of the reach.")
+        self._ob = ob
+        for _ in self._take(context, *_nearest(context, ob, self.point)):
+            pass
+        self._held.move(Vector(self.offset))
+        context.view_layer.update()
+        lifecycle.wait(ob, context.evaluated_depsgraph_get())
+        self._finish(context)
+
+    def _take(self, context, vertex, face):
+        """Takes hold of the surface at a vertex of a face. Generator of the fraction done."""
+        ob = self._ob
+        number, axis = brush_pulling.handle_at(ob, vertex)
+        if number is not None:
+            self._held = _Held(ob, ob.detail_deform.handles[number].target, axis)
+            return
+        grip = brush_pulling.grip(ob, vertex, face, self.radius, self.handle_size, self.hold == 'FACE_SET')
+        self.apply = self.apply and not ob.detail_deform.handles
+        self._pull = brush_pulling.BrushPull(context, ob, grip, self.radius, self.falloff, self.turns)
+        for done in self._pull.stages(wait=bpy.app.background or not self._view, watch=True):
+            if self._held is None and self._pull.is_binding:
+                self._held = _Held(ob, self._pull.empty)
+            yield done
+        self._held = self._held or _Held(ob, self._pull.empty)
+
+    # In the window
+
+    def invoke(self, context, event):
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        self._ob, self._view = context.active_object, view.chosen(context)
+        try:
+            brush_pulling.check(self._ob)
+            if not self._begin(context, event):
+                self.report({'WARNING'}, "There is nothing of this object under the brush")
+                self._view = None
+                return {'CANCELLED'}
+        except messages.TOLD as problem:
+            self.report({'ERROR'}, messages.said(self._ob, problem))
+            return self._end(context, {'CANCELLED'})
+        context.window_manager.modal_handler_add(self)
+        _under_way.append(self)
+        return {'RUNNING_MODAL'}
+
+    def _begin(self, context, event):
+        """Returns whether the surface is under the mouse."""
+        ob, self._mouse = self._ob, self._view.mouse(event)
+        found = _hit(context, ob, *self._view.ray(self._mouse))
+        if found is None:
+            return False
+        vertex, face, point = found
+        _make_undoable(ob)
+        self.point, self._moved = point, Vector()
+        self.radius = brush_size.radius(context, self._view.unit(point))
+        self._is_released, self._changed = False, 0.0
+        self._stages, self._progress = self._take(context, vertex, face), Progress(context)
+        # Up to the bind in the background, so that the handle is there when the mouse moves.
+        while self._go_on(context) and self._held is None:
+            pass
+        self._show(context)
+        return True
+
+    def modal(self, context, event):
+        if self not in _under_way:  # undo, or the add-on was disabled
+            return {'CANCELLED'}
+        try:
+            return self._handle_event(context, event)
+        except messages.TOLD as problem:
+            self.report({'ERROR'}, messages.said(self._ob, problem))
+            return self._take_back(context)
+        except Exception:
+            self._end(context, None)
+            raise
+
+    def _handle_event(self, context, event):
+        if event.type in {'ESC', 'RIGHTMOUSE'} and event.value == 'PRESS':
+            return self._take_back(context)
+        if event.type in {'MOUSEMOVE', 'INBETWEEN_MOUSEMOVE'} and not self._is_released:
+            self._move(event)
+        elif event.type in {'WHEELUPMOUSE', 'WHEELDOWNMOUSE'} and event.value == 'PRESS' and self._pull:
+            step = _WHEEL ** (_FINE if event.shift else 1)
+            self.radius *= step if event.type == 'WHEELUPMOUSE' else 1 / step
+            self._changed = time.monotonic()
+        elif event.type == 'LEFTMOUSE' and event.value == 'RELEASE':
+            self._is_released = True
+        self._show(context)
+        is_waited_for = self._is_bound_again(context) if event.type == 'TIMER' or self._is_released else True
+        if self._is_released and not is_waited_for:
+            return self._finish(context)
+        return {'RUNNING_MODAL'}
+
+    def _is_bound_again(self, context):
+        """Goes on with what is under way. Returns whether anything is."""
+        if self._stages and self._go_on(context):
+            return True
+        if self._changed and (self._is_released or time.monotonic() - self._changed > _PAUSE_SECONDS):
+            self._changed = 0.0
+            self._pull.change_radius(self.radius)
+            self._stages = self._pull.until_bound()
+        return bool(self._stages)
+
+    def _go_on(self, context):
+        """Returns whether the stages are still to be gone on with."""
+        try:
+            self._progress.show(context, "Preparing", next(self._stages))
+            return True
+        except StopIteration:
+            self._stages = None
+            context.workspace.status_text_set(None)
+            return False
+
+    def _move(self, event):
+        before, self._mouse = self._mouse, self._view.mouse(event)
+        point = Vector(self.point) + self._moved
+        step = self._view.at_depth(self._mouse, point) - self._view.at_depth(before, point)
+        self._moved += step * (_FINE if event.shift else 1)
+        self._held.move(self._moved)
+
+    def _show(self, context):
+        text = f"Reach: {length_text(context.scene.unit_settings, self.radius)}" if self._pull else "Moving a handle"
+        self._view.area.header_text_set(text + _KEYS)
+        brush_circle.show(self._view, Vector(self.point) + self._moved, self.radius)
+
+    def _finish(self, context):
+        """Ends with what was pulled."""
+        ob, pull, moved = self._ob, self._pull, self._view and self._moved
+        if moved is not None:
+            self.offset = moved
+        for remark in pull.remarks if pull else ():
+            self.report({'WARNING'}, remark)
+        if pull and pull.made_modifier and not self.apply and (behind := stack.names_kept_after(ob)):
+            self.report({'INFO'}, f"Detail Deform stands before {', '.join(behind)}")
+        result = self._end(context, {'FINISHED'})
+        if pull and self.apply:
+            bpy.ops.object.detail_deform_apply(remove_handles=True)
+        _last.content = ob.name, sculpted.signature(ob)
+        return result
+
+    def _take_back(self, context):
+        held, pull = self._held, self._pull
+        result = self._end(context, {'CANCELLED'})
+        if pull:
+            pull.undo()
+        elif held:
+            held.move(Vector())
+        return result
+
+    def cancel(self, context):
+        """Called when Blender ends the operator, as when its window is closed."""
+        self._end(context, None)
+
+    def _end(self, context, result):
+        _under_way[:] = []
+        brush_circle.end()
+        if self._stages:
+            self._stages.close()
+        if self._progress:
+            self._progress.end(context)
+        if self._view:
+            self._view.area.header_text_set(None)
+            self._view.area.tag_redraw()
+        self._view = self._ob = self._pull = self._stages = self._progress = self._held = None
+        return result
+
+
+class _Held:
+    """The empty that is moved."""
+
+    def __init__(self, ob, empty, axis=None):
+        """axis: 0 to 2 where the drag is of its mirror image across the object's plane at right angles to it."""
+        self._empty, self._at = empty, empty.matrix_world.copy()
+        self._linear = Matrix.Identity(3)
+        if axis is not None:
+            flip = Matrix.Diagonal([-1.0 if k == axis else 1.0 for k in range(3)])
+            self._linear = ob.matrix_world.to_3x3() @ flip @ ob.matrix_world.to_3x3().inverted_safe()
+
+    def move(self, offset):
+        """Moves it by an offset from where it was, in the world."""
+        self._empty.matrix_world = Matrix.Translation(self._linear @ offset) @ self._at
+
+
+def _displayed(context, ob):
+    """(n, 3): what is seen of the mesh's own vertices, in local space."""
+    found = displayed.positions(ob, context.evaluated_depsgraph_get())
+    return start.deformed_positions(ob) if found is None else found
+
+
+def _hit(context, ob, origin, direction, is_line):
+    """(vertex, face, world point) of the surface, as displayed, that a ray meets first; None if it meets none."""
+    faces, to_local = mesh_data.faces_of_triangles(ob.data), ob.matrix_world.inverted_safe()
+    shown = np.flatnonzero(~sculpted.hidden_faces(ob.data)[faces])
+    found = picking.hit(_displayed(context, ob), mesh_data.triangles(ob.data)[shown], to_local @ origin,
+                        to_local.to_3x3() @ direction, is_line)
+    if found is None:
+        return None
+    return found.vertex, int(faces[shown[found.triangle]]), ob.matrix_world @ Vector(found.point)
+
+
+def _nearest(context, ob, point):
+    """(vertex, face) of the displayed surface that are nearest to a world point."""
+    triangles = mesh_data.triangles(ob.data)
+    if not len(triangles):
+        raise MeshProblem(f"'{ob.name}' has no faces: there is no surface to pull.")
+    away = np.linalg.norm(_displayed(context, ob) - np.float32(ob.matrix_world.inverted_safe() @ Vector(point)), axis=1)
+    triangle = away[triangles].sum(axis=1).argmin()
+    corners = triangles[triangle]
+    return int(corners[away[corners].argmin()]), int(mesh_data.faces_of_triangles(ob.data)[triangle])
+
+
+register, unregister = bpy.utils.register_classes_factory([OBJECT_OT_detail_deform_brush_pull])
