@@ -76,7 +76,7 @@ def _around(part, edges):
         return part.roles, edges
     inside = np.zeros(edges.max(initial=-1) + 1, bool)
     inside[part.vertices[part.vertices < len(inside)]] = True
-    near = edges[inside[edges].any(axis=1)]
+    near = edges[mesh_data.touching(edges, inside)]
     vertices = np.union1d(near, part.vertices)
     of_part = np.full(len(vertices), native.ROLE_FIXED, np.int32)
     of_part[np.searchsorted(vertices, part.vertices)] = part.roles

@@ -12,6 +12,7 @@ noticed, and they are ended. What differs between the two kinds of followers is 
 source_follower, which implement kind.Kind.
 """
 
+import contextlib
 import time
 
 import bpy
@@ -29,6 +30,7 @@ KINDS: tuple[Kind, ...] = (source_follower, handle_follower)
 
 _POLL_SECONDS = 0.05  # interval of polls: about the delay with which a job's end is noticed
 _known = session.kept(set(), session.Until.REPLACED)  # objects whose content is known to be unchanged: see take_in()
+_to_be_bound = session.kept(set(), session.Until.REPLACED)  # objects of to_be_bound()
 
 # Functions that are called when an object's content has changed since it was bound.
 when_stale = session.kept([], session.Until.DISABLED)
@@ -84,7 +86,7 @@ def settle_channel(ob, depsgraph):
 
 def _refresh(ob, depsgraph, force, poses):
     kind = kind_of(ob)
-    if kind is None or ob.mode == 'EDIT':
+    if kind is None or ob.mode == 'EDIT' or ob in _to_be_bound:
         return
     subject = Subject(ob, depsgraph, poses)
     if kind.is_outdated(subject):
@@ -206,8 +208,19 @@ def take_in(ob, view_layer):
         _known.discard(ob)
 
 
+@contextlib.contextmanager
+def to_be_bound(ob):
+    """Context manager for an object that is changed and then bound: meanwhile it shows what it shows, and no change is
+    compared with what was bound, which on a large mesh takes longer than the bind of a small part."""
+    _to_be_bound.add(ob)
+    try:
+        yield
+    finally:
+        _to_be_bound.discard(ob)
+
+
 def is_known(ob):
-    return ob in _known
+    return ob in _known or ob in _to_be_bound
 
 
 def settle(ob):
@@ -224,6 +237,8 @@ def settle(ob):
 
 def compare(ob):
     """Compares the object's content with the one that was bound, and stores the difference in its settings."""
+    if ob in _to_be_bound:
+        return
     kind = kind_of(ob)
     try:
         renamed_groups.update_names(ob)

@@ -11,9 +11,9 @@ from mathutils import Matrix, Vector
 from .. import session
 from ..follow import lifecycle, messages
 from ..library.options import HANDLE_TURNS
-from ..scene import brush_size, displayed, mesh_data, picking, sculpted, stack, start
+from ..scene import brush_size, displayed, mesh_data, picking, sculpted, stack
 from ..scene.mesh_data import MeshProblem
-from ..setup import brush_pulling
+from ..setup import brush_pulling, pulling
 from . import brush_circle, view
 from .operator_base import MeshOperator, Progress
 from .pull_operator import FALLOFF, RADIUS
@@ -33,7 +33,8 @@ class _UnderWay(list):
 
 
 _under_way = session.kept(_UnderWay(), session.Until.REPLACED)
-# content: (name of the object, sculpted.signature()) after the last pull, if no undo has come since.
+# content: (name of the object, sculpted.signature()) at the last step of undo that this module has had made, if no undo
+# has come since.
 _last = session.Values(session.Until.REPLACED, content=None)
 
 
@@ -42,6 +43,7 @@ def _make_undoable(ob):
     step of the whole scene to one of Sculpt Mode, as those of strokes, without restoring what else has changed."""
     if not _last.content or None in _last.content or _last.content != (ob.name, sculpted.signature(ob)):
         bpy.ops.ed.undo_push(message="Sculpt Mode")
+        _last.content = ob.name, sculpted.signature(ob)
 
 
 class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
@@ -71,6 +73,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         name="Offset", subtype='TRANSLATION', options={'SKIP_SAVE'}, description="How far it is pulled, in the world")
 
     _view = _ob = _pull = _stages = _progress = _held = None
+    _applies = False
 
     @classmethod
     def poll_object(cls, ob):
@@ -83,23 +86,25 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         brush_pulling.check(ob)
         if not self.radius:
             raise MeshProblem("Without a window there is no brush: give the radius of the reach.")
-        self._ob = ob
-        for _ in self._take(context, *_nearest(context, ob, self.point)):
+        self._ob, surface = ob, brush_pulling.BrushedSurface(ob)
+        for _ in self._take(context, surface, *_nearest(context, surface, ob, self.point)):
             pass
         self._held.move(Vector(self.offset))
         context.view_layer.update()
         lifecycle.wait(ob, context.evaluated_depsgraph_get())
         self._finish(context)
 
-    def _take(self, context, vertex, face):
-        """Takes hold of the surface at a vertex of a face. Generator of the fraction done."""
+    def _take(self, context, surface, vertex, face):
+        """Takes hold of the surface, a BrushedSurface, at a vertex of a face. Generator of the fraction done."""
         ob = self._ob
         number, axis = brush_pulling.handle_at(ob, vertex)
         if number is not None:
             self._held = _Held(ob, ob.detail_deform.handles[number].target, axis)
+            yield from brush_pulling.bound_again(context, ob, wait=not self._view)
             return
-        grip = brush_pulling.grip(ob, vertex, face, self.radius, self.handle_size, self.hold == 'FACE_SET')
-        self.apply = self.apply and not ob.detail_deform.handles
+        grip = brush_pulling.grip(ob, surface, vertex, face, self.radius, self.handle_size,
+                                  self.hold == 'FACE_SET')
+        self._applies = self.apply and not ob.detail_deform.handles
         self._pull = brush_pulling.BrushPull(context, ob, grip, self.radius, self.falloff, self.turns)
         for done in self._pull.stages(wait=bpy.app.background or not self._view, watch=True):
             if self._held is None and self._pull.is_binding:
@@ -129,7 +134,8 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
     def _begin(self, context, event):
         """Returns whether the surface is under the mouse."""
         ob, self._mouse = self._ob, self._view.mouse(event)
-        found = _hit(context, ob, *self._view.ray(self._mouse))
+        surface = brush_pulling.BrushedSurface(ob)
+        found = _hit(context, surface, ob, *self._view.ray(self._mouse))
         if found is None:
             return False
         vertex, face, point = found
@@ -137,7 +143,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         self.point, self._moved = point, Vector()
         self.radius = brush_size.radius(context, self._view.unit(point))
         self._is_released, self._changed = False, 0.0
-        self._stages, self._progress = self._take(context, vertex, face), Progress(context)
+        self._stages, self._progress = self._take(context, surface, vertex, face), Progress(context)
         # Up to the bind in the background, so that the handle is there when the mouse moves.
         while self._go_on(context) and self._held is None:
             pass
@@ -180,7 +186,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         if self._changed and (self._is_released or time.monotonic() - self._changed > _PAUSE_SECONDS):
             self._changed = 0.0
             self._pull.change_radius(self.radius)
-            self._stages = self._pull.until_bound()
+            self._stages = pulling.until_bound(self._ob)
         return bool(self._stages)
 
     def _go_on(self, context):
@@ -212,10 +218,10 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
             self.offset = moved
         for remark in pull.remarks if pull else ():
             self.report({'WARNING'}, remark)
-        if pull and pull.made_modifier and not self.apply and (behind := stack.names_kept_after(ob)):
+        if pull and pull.made_modifier and not self._applies and (behind := stack.names_kept_after(ob)):
             self.report({'INFO'}, f"Detail Deform stands before {', '.join(behind)}")
         result = self._end(context, {'FINISHED'})
-        if pull and self.apply:
+        if pull and self._applies:
             bpy.ops.object.detail_deform_apply(remove_handles=True)
         _last.content = ob.name, sculpted.signature(ob)
         return result
@@ -263,31 +269,33 @@ class _Held:
         self._empty.matrix_world = Matrix.Translation(self._linear @ offset) @ self._at
 
 
-def _displayed(context, ob):
+def _displayed(context, surface, ob):
     """(n, 3): what is seen of the mesh's own vertices, in local space."""
     found = displayed.positions(ob, context.evaluated_depsgraph_get())
-    return start.deformed_positions(ob) if found is None else found
+    return surface.local if found is None else found
 
 
-def _hit(context, ob, origin, direction, is_line):
+def _hit(context, surface, ob, origin, direction, is_line):
     """(vertex, face, world point) of the surface, as displayed, that a ray meets first; None if it meets none."""
     faces, to_local = mesh_data.faces_of_triangles(ob.data), ob.matrix_world.inverted_safe()
-    shown = np.flatnonzero(~sculpted.hidden_faces(ob.data)[faces])
-    found = picking.hit(_displayed(context, ob), mesh_data.triangles(ob.data)[shown], to_local @ origin,
+    hidden, shown = sculpted.hidden_faces(ob.data), slice(None)
+    if hidden.any():
+        shown = np.flatnonzero(~hidden[faces])
+    found = picking.hit(_displayed(context, surface, ob), surface.triangles[shown], to_local @ origin,
                         to_local.to_3x3() @ direction, is_line)
     if found is None:
         return None
-    return found.vertex, int(faces[shown[found.triangle]]), ob.matrix_world @ Vector(found.point)
+    return found.vertex, int(faces[shown][found.triangle]), ob.matrix_world @ Vector(found.point)
 
 
-def _nearest(context, ob, point):
+def _nearest(context, surface, ob, point):
     """(vertex, face) of the displayed surface that are nearest to a world point."""
-    triangles = mesh_data.triangles(ob.data)
-    if not len(triangles):
+    if not len(surface.triangles):
         raise MeshProblem(f"'{ob.name}' has no faces: there is no surface to pull.")
-    away = np.linalg.norm(_displayed(context, ob) - np.float32(ob.matrix_world.inverted_safe() @ Vector(point)), axis=1)
-    triangle = away[triangles].sum(axis=1).argmin()
-    corners = triangles[triangle]
+    point = np.float32(ob.matrix_world.inverted_safe() @ Vector(point))
+    away = np.linalg.norm(_displayed(context, surface, ob) - point, axis=1)
+    triangle = away[surface.triangles].sum(axis=1).argmin()
+    corners = surface.triangles[triangle]
     return int(corners[away[corners].argmin()]), int(mesh_data.faces_of_triangles(ob.data)[triangle])
 
 

@@ -6,7 +6,7 @@ it is attached to, with inverse-square distance weights if there are several; wi
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from . import components
+from . import components, mesh_data
 
 # Roots of one component of loose edges; with more it is taken to lie along the surface, and each of its vertices is
 # carried by the nearest face. It also bounds the time: each root takes a shortest-path search over the component.
@@ -76,7 +76,7 @@ def roots(count, triangles, edges):
         return result
     result[~in_face] = -1
     at_root = in_face[edges].sum(axis=1) == 1
-    parts = components.labels(count, edges[~in_face[edges].any(axis=1)])
+    parts = components.labels(count, edges[~mesh_data.touching(edges, in_face)])
     ones, ends = _sides(edges[at_root], in_face)
     of_part = np.full(count, -1)
     of_part[parts[ends]] = ones
@@ -110,7 +110,7 @@ def _anchors(rest, triangles, edges, in_face, vertices):
     index_of = np.full(len(rest), -1)
     index_of[vertices] = np.arange(len(vertices))
     edges = edges[(in_face[edges] | (index_of[edges] >= 0)).all(axis=1)]
-    parts = components.labels(len(vertices), index_of[edges[~in_face[edges].any(axis=1)]])
+    parts = components.labels(len(vertices), index_of[edges[~mesh_data.touching(edges, in_face)]])
     at_root = in_face[edges].sum(axis=1) == 1
     roots, ends = _sides(edges[at_root], in_face)
     face_of = np.full(len(rest), -1)

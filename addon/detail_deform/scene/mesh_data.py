@@ -163,6 +163,15 @@ def triangles(mesh):
     return _indices(mesh.loop_triangles, 'vertices', 3).reshape(-1, 3)
 
 
+def touching(elements, chosen):
+    """(m,) bool: which triangles or edges, (m, k), have one of the chosen vertices, (n,) bool. Column by column: numpy's
+    any() along so short an axis takes several times as long."""
+    result = chosen[elements[:, 0]]
+    for column in elements.T[1:]:
+        result |= chosen[column]
+    return result
+
+
 def faces_of_triangles(mesh):
     """(m,) int32: index of the face that each triangle of triangles() is part of."""
     mesh.calc_loop_triangles()
@@ -198,6 +207,8 @@ def read_attribute_into(mesh, name, field, values):
 def group_entries(ob, names):
     """(vertices, indices, weights): an entry for each vertex in each named group; indices are the groups' indices in
     names. A group that is named twice has entries for both."""
+    if not len(names):
+        return np.empty(0, np.intp), np.empty(0, int), np.empty(0, np.float32)
     indices = {}
     for position, name in enumerate(names):
         indices.setdefault(ob.vertex_groups[name].index, []).append(position)

@@ -20,7 +20,7 @@ def _normals(triangles, points, parts):
     part_of = np.full(len(points), -1)
     for number, part in enumerate(parts):
         part_of[part] = number
-    near = triangles[(part_of[triangles] >= 0).any(axis=1)]
+    near = triangles[mesh_data.touching(triangles, part_of >= 0)]
     a, b, c = np.moveaxis(points.astype(float)[near], 1, 0)
     crosses = np.cross(b - a, c - a)
     sums, areas = np.zeros((len(parts), 3)), np.zeros(len(parts))

@@ -46,6 +46,8 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     if from_selection:
         parts = _selected_parts(ob, each) if chosen is None else [np.flatnonzero(chosen)]
         path = handle_paths.along(ob, parts[0]) if curve_points else None
+        # Before the groups are made: afterwards Blender would evaluate the whole mesh anew.
+        similarities = displayed.similarities(ob, parts, context.evaluated_depsgraph_get())
         names = [group.name for group in selection.new_groups(ob, _GROUP_NAME, parts)]
     elif each != 'SELECTION':
         raise MeshProblem(f"'{ob.name}' is not in Edit Mode: select there the vertices that get a handle each.")
@@ -55,19 +57,19 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
         if not len(parts[0]):
             raise MeshProblem(f"The group '{names[0]}' has no vertex with a weight over "
                               f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
+        similarities = displayed.similarities(ob, parts, context.evaluated_depsgraph_get())
     # Least display size of an empty: 5% of the object's largest dimension, and less for ten or more, which are close.
     least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
-    rigs, made, depsgraph = skin.Rigs(ob), [], context.evaluated_depsgraph_get()
-    similarities = displayed.similarities(ob, parts, depsgraph)
+    rigs, made, depsgraph = skin.Rigs(ob), [], context.view_layer.depsgraph
     for name, part, similarity, (world, extent) in zip(
             names, parts, similarities, empties.placements(ob, parts, align and not curve_points)):
         curve = path.curve(name, ob.matrix_world, world, curve_points) if curve_points else None
         made.append(empties.make_on_skin(context, ob, name, world, max(extent, least), rigs.of(part), similarity,
                                          depsgraph, parented, curve))
-    empties.put_in_place(context, ob, made)
     first = len(ob.detail_deform.handles)
     for name, (empty, _) in zip(names, made):
         append(ob, name, empty).own_group = name if from_selection else ""
+    empties.put_in_place(context, ob, made)
     handles, depsgraph = ob.detail_deform.handles[first:], context.evaluated_depsgraph_get()
     for handle, similarity in zip(handles, similarities):
         empties.store_pose_matrix(ob, handle, similarity, depsgraph)

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..follow import binding, binding_state, handle_follower, registry
+from ..follow import binding, binding_state, handle_follower, lifecycle, registry
 from ..library.options import FALLOFF_ORDERS
-from ..scene import channel, deform_modifier, mesh_data, mirror_plane, selection
+from ..scene import channel, deform_modifier, group_columns, mesh_data, mirror_plane, selection
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, mirroring, region_setup
 
@@ -44,7 +44,8 @@ def earlier_handles(ob, count):
     there = set(ob.vertex_groups.keys())
     reaches = [r for r in dict.fromkeys(h.reach for h in handles) if (r or settings.region) in there]
     groups = [h.vertex_group for h in handles]
-    members = mesh_data.members_of_each(ob, [*groups, *(reach or settings.region for reach in reaches)])
+    members = mesh_data.members_of_each(ob, [*groups, *(reach or settings.region for reach in reaches)],
+                                        group_columns.entries)
     for reach, moved in zip(reaches, members[len(groups):]):
         held = [vertices for handle, vertices in zip(handles, members) if handle.reach == reach]
         found.append(EarlierHandles(reach, np.concatenate(held), moved))
@@ -55,6 +56,16 @@ def symmetric_axes(ob):
     """[axis]: 0 to 2, those of the mesh's symmetry whose other side is no Mirror modifier's."""
     return [axis for axis, letter in enumerate('xyz')
             if getattr(ob.data, f'use_mirror_{letter}') and not mirror_plane.is_mirrored(ob, axis)]
+
+
+def until_bound(ob):
+    """Generator: yields the progress of the bind in the background until it ends. Raises MeshProblem."""
+    settings = ob.detail_deform
+    content = settings.signature
+    while handle_follower.cache.under_way(content):
+        yield handle_follower.cache.under_way(content).progress()[1]
+    if settings.signature != content or handle_follower.cache.find(content) is None:
+        raise MeshProblem(settings.problem)
 
 
 class Pull:
@@ -78,22 +89,28 @@ class Pull:
         bind in the background until it ends. Raises MeshProblem or native.NativeError."""
         ob, settings = self._ob, self._ob.detail_deform
         try:
-            yield from self._add_handle()
-            self._region, self._binding = region_setup.snapshot(ob), binding_state.present(ob)
-            registry.check_mesh(ob)
-            self._mirror()
-            yield 0.0
-            self._set_moved_vertices()
-            yield 0.0
-            self._context.view_layer.update()  # evaluates the new empty's matrix
+            with lifecycle.to_be_bound(ob):
+                yield from self._change()
             binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
+            lifecycle.take_in(ob, self._context.view_layer)
             self.is_binding = True
             if watch:
-                yield from self.until_bound()
+                yield from until_bound(ob)
         except BaseException:
             self.undo()
             raise
         settings.handle_index = self._count
+
+    def _change(self):
+        """Generator: makes the handles and sets what they move."""
+        yield from self._add_handle()
+        self._region, self._binding = region_setup.snapshot(self._ob), binding_state.present(self._ob)
+        registry.check_mesh(self._ob)
+        self._mirror()
+        yield 0.0
+        self._set_moved_vertices()
+        yield 0.0
+        self._context.view_layer.update()  # evaluates the new empty's matrix
 
     def _add_handle(self):
         handle_setup.add_handles(self._context, self._ob, curve_points=self._curve_points)
@@ -116,8 +133,9 @@ class Pull:
             self.remarks.append("Edit Mode's symmetry mirrors no curves: pull the other side by a curve of its own")
             return
         for axis in axes:
-            handle, image = self._ob.detail_deform.handles[self._count], self._image(axis)
+            handle, image = self._ob.detail_deform.handles[self._count], None
             try:
+                image = self._image(axis)
                 remark = mirroring.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False,
                                           image=image)
             except mirroring.MirrorsItself:
@@ -129,7 +147,8 @@ class Pull:
                 self.remarks.append(remark)
 
     def _image(self, axis):
-        """(n,) bool: the vertices of the new handle's mirror image; None: those at the mirrored places."""
+        """(n,) bool: the vertices of the new handle's mirror image; None: those at the mirrored places. Raises
+        MeshProblem where nothing is to be mirrored."""
         return None
 
     def _set_moved_vertices(self):
@@ -170,15 +189,6 @@ class Pull:
         settings.pulled_region = True
         if not self._count and self._falloff != 'MESH':
             settings.smoothness = FALLOFF_ORDERS[self._falloff]
-
-    def until_bound(self):
-        """Generator: yields the progress of the bind in the background until it ends. Raises MeshProblem."""
-        settings = self._ob.detail_deform
-        content = settings.signature
-        while handle_follower.cache.under_way(content):
-            yield handle_follower.cache.under_way(content).progress()[1]
-        if settings.signature != content or handle_follower.cache.find(content) is None:
-            raise MeshProblem(settings.problem)
 
     def undo(self):
         """Undoes the stages. Does nothing the second time."""

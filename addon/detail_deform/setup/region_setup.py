@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..library import native
-from ..scene import displayed, loose, mesh_data, selection, split, users
+from ..scene import displayed, group_columns, loose, mesh_data, selection, split, users
 from ..scene.subject import enabled_handles
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import deformed_positions
@@ -58,7 +57,7 @@ def snapshot(ob):
     groups = [name for name in {settings.own_region, *(own for _, own in reaches)} if name in ob.vertex_groups]
     if groups and ob.mode == 'EDIT':
         ob.update_from_editmode()
-    members = dict(zip(groups, mesh_data.members_of_each(ob, groups)))
+    members = dict(zip(groups, mesh_data.members_of_each(ob, groups, group_columns.entries)))
     return RegionState(settings.region, settings.own_region, settings.pulled_region, settings.smoothness, reaches,
                        members)
 
@@ -117,7 +116,7 @@ def default_radius(ob):
     return _DEFAULT_RADIUS * float(np.linalg.norm(ob.dimensions))
 
 
-def _from_origin(ob, positions):
+def from_origin(ob, positions):
     """(n, 3) float32: positions along the world's axes and in its unit, relative to the object's origin."""
     return (positions @ np.array(ob.matrix_world, np.float64)[:3, :3].T).astype(np.float32)
 
@@ -130,16 +129,16 @@ class SurfaceDistances:
         all of the start if not given."""
         self.start, self.chosen = start, start if chosen is None else chosen
         self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
-        self.positions = _from_origin(ob, deformed_positions(ob))
+        self.positions = from_origin(ob, deformed_positions(ob))
         self.triangles = mesh_data.triangles(ob.data)
-        self.distances = _with_loose(
+        self.distances = with_loose(
             ob, self.triangles, split.WeldedMesh(ob).distances(self.positions, self.triangles, start))
 
     def displayed_positions(self, ob, depsgraph):
         """(n, 3) float32: as positions, with the other modifiers applied where vertices can be followed through
         them."""
         posed = displayed.positions(ob, depsgraph)
-        return self.positions if posed is None else _from_origin(ob, posed)
+        return self.positions if posed is None else from_origin(ob, posed)
 
     def within(self, radius):
         """(n,) bool: the vertices at a distance of at most radius."""
@@ -147,7 +146,7 @@ class SurfaceDistances:
 
     def suggested_radius(self):
         """Suggested radius of the region around the chosen vertices, by their area: see _DISK_RADII."""
-        near = self.triangles[self.chosen[self.triangles].any(axis=1)]
+        near = self.triangles[mesh_data.touching(self.triangles, self.chosen)]
         corners = self.positions[near].astype(np.float64)
         sides = corners - np.roll(corners, 1, axis=1)
         # Lumped: a vertex has a third of each triangle of its one-ring, so that a line of vertices has an area too.
@@ -158,33 +157,11 @@ class SurfaceDistances:
         return float(max(by_area, _MIN_SIZE_FRACTION * size, _MIN_EDGES * edge))
 
 
-def _with_loose(ob, triangles, distances):
+def with_loose(ob, triangles, distances):
     """(n,) float32: the distances, but for vertices in no face at most that of the surface vertex to which edges
     connect them: distances along the surface are infinite there, and a whisker belongs to the region of its root."""
     root_of = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
     return np.where(root_of >= 0, np.minimum(distances, distances[root_of]), distances)
-
-
-def distances_up_to(ob, parts, limit):
-    """(n,) float32: as SurfaceDistances.distances, from the nearest of the parts, arrays of vertices; infinite beyond
-    the limit, in world units. The time is that of the surface within the limit, apart from a pass over all vertices and
-    triangles."""
-    positions, welded = _from_origin(ob, deformed_positions(ob)), split.WeldedMesh(ob)
-    triangles = welded.representatives(mesh_data.triangles(ob.data))
-    result = np.full(len(positions), np.inf, np.float32)
-    for part in parts:
-        start = np.unique(welded.representatives(part))
-        low, high = positions[start].min(axis=0) - limit, positions[start].max(axis=0) + limit
-        # No shortest path up to the limit leaves the box.
-        inside = ((positions >= low) & (positions <= high)).all(axis=1)
-        vertices, near = np.unique(triangles[inside[triangles].any(axis=1)], return_inverse=True)
-        is_start = np.isin(vertices, start)
-        found = native.distances(positions[vertices], near.reshape(-1, 3).astype(np.int32), is_start)
-        result[vertices] = np.minimum(result[vertices], found)
-        result[start] = 0
-    result = _with_loose(ob, triangles, result[welded.representatives(np.arange(len(result)))])
-    result[result > limit] = np.inf
-    return result
 
 
 def within(ob, start, radius):
