@@ -21,6 +21,7 @@ import detail_deform  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 from detail_deform.ui import examples_panel, panels, transfer_panel  # noqa: E402
+import manual_sculpt  # noqa: E402
 import manual_start  # noqa: E402
 from manual_window import (  # noqa: E402
     OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, run, settle, show_only)
@@ -184,6 +185,7 @@ def steps():
     subprocess.run([bpy.app.binary_path, '--background', '--factory-startup', '--python-exit-code', '1', '--python',
                     str(ROOT / 'tests' / 'figures' / 'manual_shapes.py')], check=True)
     yield from manual_start.make(ROOT)
+    yield from manual_sculpt.make(ROOT)
     yield from suzanne()
     yield from creatures()
 

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The circle of Sculpt Mode's tool Pull: at the mouse, or while it pulls around what is pulled."""
 
+import bpy
+
 from .. import session
 from ..scene import brush_size
 from . import view
 from .reach_drawing import draw_circle
 
+# Until 4.2 Blender draws its brush's circle with any tool of Sculpt Mode.
+_BLENDER_DRAWS_IT = bpy.app.version < (4, 3)
 # While something is pulled: the view.View, the place of what is pulled, and the radius of its reach, in world units.
 _pulled = session.Values(session.Until.DISABLED, view=None, point=None, radius=0.0)
 
@@ -21,10 +25,11 @@ def end():
 
 def draw(context, place):
     """Draws as a tool's cursor. place: of the mouse, in pixels of the window."""
-    seen_in = view.chosen(context)
     if _pulled.view is None:
-        middle = seen_in.region.data.view_location
-        draw_circle(place, brush_size.radius(context, seen_in.unit(middle)) / seen_in.unit(middle))
+        if not _BLENDER_DRAWS_IT:
+            seen_in = view.chosen(context)
+            unit = seen_in.unit(seen_in.region.data.view_location)
+            draw_circle(place, brush_size.radius(context, unit) / unit)
         return
     centre = _pulled.view.on_screen(_pulled.point)
     if centre is not None:

@@ -21,7 +21,7 @@ from .reach_choice import length_text
 
 _WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
 _PAUSE_SECONDS = 0.15  # without a notch, after which the new radius is bound: about that between two notches
-_KEYS = "    Wheel: reach    Shift: finely    Esc, right click: cancel"
+_KEYS = "    wheel: reach    Shift: finely    Esc, right click: cancel"
 
 
 class _UnderWay(list):
@@ -78,12 +78,12 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if ob.mode != 'SCULPT':
-            cls.poll_message_set("Enter Sculpt Mode first")
+            cls.poll_message_set("The brush pulls in Sculpt Mode: enter it first")
             return False
         return True
 
     def run(self, context, ob):
-        brush_pulling.check(ob)
+        sculpted.check(ob)
         if not self.radius:
             raise MeshProblem("Without a window there is no brush: give the radius of the reach.")
         self._ob, surface = ob, brush_pulling.BrushedSurface(ob)
@@ -119,9 +119,10 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
             return self.execute(context)
         self._ob, self._view = context.active_object, view.chosen(context)
         try:
-            brush_pulling.check(self._ob)
+            mesh_data.check_editable(self._ob)
+            sculpted.check(self._ob)
             if not self._begin(context, event):
-                self.report({'WARNING'}, "There is nothing of this object under the brush")
+                self.report({'WARNING'}, "There is nothing of this object under the brush: begin the drag on it")
                 self._view = None
                 return {'CANCELLED'}
         except messages.TOLD as problem:

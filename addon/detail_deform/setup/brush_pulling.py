@@ -68,14 +68,6 @@ class Grip(NamedTuple):
     size: float = 0.0  # distance from it up to which vertices are the handle's, in world units; not of a face set
 
 
-def check(ob):
-    """Raises MeshProblem where the brush can't pull the object."""
-    mesh_data.check_editable(ob)
-    if ob.mode != 'SCULPT':
-        raise MeshProblem("The brush pulls in Sculpt Mode: enter it first.")
-    sculpted.check(ob)
-
-
 def grip(ob, surface, vertex, face, radius, share, by_face_set):
     """The Grip of a brush with that radius, in world units, at a vertex of a face: the vertices within a share of the
     radius, or those of the face's face set. surface: the BrushedSurface. Raises MeshProblem."""

@@ -14,7 +14,7 @@ from .registration import registration
 
 # Modes that edit the undeformed vertices, which are elsewhere than the displayed ones.
 _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
-                  'SCULPT': "Brushes work on the mesh without its deformation."}
+                  'SCULPT': "Brushes work on the mesh without its deformation, unless Show As is Shape Key."}
 
 
 _PASSED_OVER = ("Blender marks Detail Deform's modifier as not supported in Sculpt Mode behind Multires: its shape key "
