@@ -159,7 +159,7 @@ def test_of_an_object_with_a_transform_radius_and_offset_are_the_worlds():
 
 
 def test_where_an_armature_poses_the_mesh_the_brush_is_where_it_is_seen():
-    ob, rig = make_rigged()[:2]
+    ob = make_rigged()[0]
     bpy.context.scene.frame_set(11)
     update()
     shown, rest = evaluated(ob), own(ob)

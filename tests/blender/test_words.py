@@ -16,8 +16,8 @@ MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
 BLENDERS = {
     "Add Modifier", "Add-ons", "Alembic", "Alt+S", "Apply", "Armature", "Bevel", "Blender", "By Distance",
     "Clean Up", "Cloth", "Control", "Ctrl+F", "Ctrl+T", "Ctrl+V", "Data", "Deform", "Degenerate Dissolve", "Depth",
-    "Detail Deform", "Dyntopo", "Edit Mode", "Edit", "EEVEE", "Enter", "Esc", "Euler", "Extrude", "F9", "Frame Range", "G",
-    "Geometry Nodes", "Geometry", "Get Extensions", "Install from Disk", "Install", "Levels Render",
+    "Detail Deform", "Dyntopo", "Edit Mode", "Edit", "EEVEE", "Enter", "Esc", "Euler", "Extrude", "F9",
+    "Frame Range", "G", "Geometry Nodes", "Geometry", "Get Extensions", "Install from Disk", "Install", "Levels Render",
     "Levels Viewport", "Live", "Lock Interface", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache",
     "Mesh", "Mirror", "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old",
     "Output", "P", "PC2", "Preferences", "Properties", "R", "Relations", "Relative", "Render", "Render U", "Resolution",

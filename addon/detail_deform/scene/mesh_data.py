@@ -164,8 +164,8 @@ def triangles(mesh):
 
 
 def touching(elements, chosen):
-    """(m,) bool: which triangles or edges, (m, k), have one of the chosen vertices, (n,) bool. Column by column: numpy's
-    any() along so short an axis takes several times as long."""
+    """(m,) bool: which triangles or edges, (m, k), have one of the chosen vertices, (n,) bool. Column by column, as
+    numpy's any() along so short an axis takes several times as long."""
     result = chosen[elements[:, 0]]
     for column in elements.T[1:]:
         result |= chosen[column]

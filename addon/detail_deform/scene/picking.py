@@ -38,8 +38,8 @@ def hit(points, triangles, origin, direction, both_ways=False):
     if not len(usable):
         return None
     first = usable[depths[usable].argmin()]
-    triangle = int(found[hits][first])
-    return Hit(triangle, int(triangles[triangle][weights[first].argmax()]), weights[first] @ corners[hits][first] + origin)
+    triangle, weights = int(found[hits][first]), weights[first]
+    return Hit(triangle, int(triangles[triangle][weights.argmax()]), weights @ corners[hits][first] + origin)
 
 
 def _cross(a, b):

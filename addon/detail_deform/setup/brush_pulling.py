@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..follow import binding, lifecycle
+from ..follow import lifecycle
 from ..library import native
 from ..scene import group_columns, handle_curves, mesh_data, sculpted, split, start
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, mirroring, region_setup
-from .pulling import Pull, earlier_handles, symmetric_axes, until_bound
+from .pulling import Pull, bind, earlier_handles, symmetric_axes, until_bound
 
 
 class BrushedSurface:
@@ -104,8 +104,7 @@ def bound_again(context, ob, wait):
     """Generator: binds an object anew that was edited since it was bound, as by strokes. Yields the progress."""
     lifecycle.compare(ob)
     if ob.detail_deform.stale:
-        binding.bind(ob, context.evaluated_depsgraph_get(), wait, keep_rest=True)
-        lifecycle.take_in(ob, context.view_layer)
+        bind(context, ob, wait, keep_rest=True)
         yield from until_bound(ob)
 
 
@@ -176,8 +175,7 @@ class BrushPull(Pull):
         with lifecycle.to_be_bound(self._ob):
             region_setup.restore(self._ob, self._region)
             self._set_moved_vertices()
-        binding.bind(self._ob, self._context.evaluated_depsgraph_get(), wait=False, keep_rest=True)
-        lifecycle.take_in(self._ob, self._context.view_layer)
+        bind(self._context, self._ob, wait=False, keep_rest=True)
 
     def _return_to_mode(self):
         pass  # it was not left

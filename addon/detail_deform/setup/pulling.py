@@ -58,6 +58,15 @@ def symmetric_axes(ob):
             if getattr(ob.data, f'use_mirror_{letter}') and not mirror_plane.is_mirrored(ob, axis)]
 
 
+def bind(context, ob, wait, keep_rest):
+    """As binding.bind(). In the window Blender evaluates the changes meanwhile, so that they don't count as the user's
+    edits."""
+    depsgraph = context.evaluated_depsgraph_get()
+    binding.bind(ob, depsgraph, wait, keep_rest)
+    if not lifecycle.must_wait(depsgraph):  # else this would wait for the bind
+        lifecycle.take_in(ob, context.view_layer)
+
+
 def until_bound(ob):
     """Generator: yields the progress of the bind in the background until it ends. Raises MeshProblem."""
     settings = ob.detail_deform
@@ -91,8 +100,7 @@ class Pull:
         try:
             with lifecycle.to_be_bound(ob):
                 yield from self._change()
-            binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
-            lifecycle.take_in(ob, self._context.view_layer)
+            bind(self._context, ob, wait, keep_rest=bool(settings.signature))
             self.is_binding = True
             if watch:
                 yield from until_bound(ob)
@@ -149,7 +157,6 @@ class Pull:
     def _image(self, axis):
         """(n,) bool: the vertices of the new handle's mirror image; None: those at the mirrored places. Raises
         MeshProblem where nothing is to be mirrored."""
-        return None
 
     def _set_moved_vertices(self):
         """Sets what the new handles move, unless the user has set the region."""
