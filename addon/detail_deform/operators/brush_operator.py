@@ -15,7 +15,7 @@ from ..scene import brush_size, displayed, mesh_data, picking, sculpted, stack
 from ..scene.mesh_data import MeshProblem
 from ..setup import brush_pulling, pulling
 from . import brush_circle, view
-from .operator_base import MeshOperator, Progress
+from .operator_base import MeshOperator, Progress, told
 from .pull_operator import FALLOFF, RADIUS
 from .reach_choice import length_text
 
@@ -177,7 +177,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         self._show(context)
         is_waited_for = self._is_bound_again(context) if event.type == 'TIMER' or self._is_released else True
         if self._is_released and not is_waited_for:
-            return self._finish(context)
+            return self._finish(context) if self._moved.length else self._take_back(context)  # a click leaves nothing
         return {'RUNNING_MODAL'}
 
     def _is_bound_again(self, context):
@@ -223,7 +223,10 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
             self.report({'INFO'}, f"Detail Deform stands before {', '.join(behind)}")
         result = self._end(context, {'FINISHED'})
         if pull and self._applies:
-            bpy.ops.object.detail_deform_apply(remove_handles=True)
+            try:
+                bpy.ops.object.detail_deform_apply(remove_handles=True)
+            except RuntimeError as problem:
+                self.report({'ERROR'}, told(problem))
         _last.content = ob.name, sculpted.signature(ob)
         return result
 

@@ -9,7 +9,7 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty
 from ..scene import selection
 from ..setup import handle_setup
 from . import edit_again
-from .operator_base import HandleEmptyOperator
+from .operator_base import HandleEmptyOperator, told
 from .pull_operator import FALLOFF, RADIUS, PullOperator
 
 
@@ -33,7 +33,7 @@ class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
         try:
             return bpy.ops.object.detail_deform_pull(radius=self.radius, falloff=self.falloff)
         except RuntimeError as problem:
-            self.report({'ERROR'}, str(problem).replace("Error: ", "", 1).strip())
+            self.report({'ERROR'}, told(problem))
             return {'CANCELLED'}
 
 

@@ -12,6 +12,11 @@ _TICK_SECONDS = 0.05  # interval of the timer, and the time for work in each cal
 PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
+def told(error):
+    """What an operator has reported that was called from another one. error: the RuntimeError that this raised."""
+    return str(error).replace("Error: ", "", 1).strip()
+
+
 class MeshOperator:
     """Base of operators on a mesh object: undo, poll messages, and reports of errors. A subclass has run(context, ob),
     which returns the operator's result, or None for {'FINISHED'}."""

@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import mesh_data
+
 
 class Hit(NamedTuple):
     triangle: int
@@ -22,9 +24,8 @@ def hit(points, triangles, origin, direction, both_ways=False):
     flat = (points - origin.astype(points.dtype)) @ across.T.astype(points.dtype)
     # Candidates: the box of the triangle's projection has the ray in it.
     inside = np.ones(len(triangles), bool)
-    for k in range(2):
-        corners = flat[:, k][triangles]
-        inside &= (corners.min(axis=1) <= 0) & (corners.max(axis=1) >= 0)
+    for values in flat.T:
+        inside &= mesh_data.touching(triangles, values <= 0) & mesh_data.touching(triangles, values >= 0)
     found = np.flatnonzero(inside)
     corners = points[triangles[found]].astype(np.float64) - origin
     flat = corners @ across.T

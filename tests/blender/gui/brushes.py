@@ -155,6 +155,11 @@ def _stroke(name, place):
     yield from settle()
 
 
+def _fill_mask(value):
+    bpy.ops.paint.mask_flood_fill(mode='VALUE', value=value)
+    bpy.ops.ed.undo_push(message="Mask")  # else the fill's step, as of a script, waits for the next one and takes its place
+
+
 def _masked():
     ob = _suzanne()
     _brush_size(90)
@@ -162,8 +167,7 @@ def _masked():
     rest = coordinates(ob.data)
     high = rest[:, 2] > 0.3
     with in_view():
-        bpy.ops.paint.mask_flood_fill(mode='VALUE', value=0)
-        bpy.ops.paint.mask_flood_fill(mode='INVERT')
+        _fill_mask(1.0)
     layer = ob.data.attributes.get('.sculpt_mask') or ob.data.vertex_paint_masks[0]
     layer.data.foreach_set('value', high.astype(np.float32))
     yield from settle()
@@ -175,3 +179,49 @@ def _masked():
     check("and the right", moved[rest[:, 0] > 0.5].max() > 0.1)
     check("and leaves in place what is masked", not moved[high].any() and moved[~high].any())
     screenshot('brush-both')
+
+
+def _tool():
+    return bpy.context.workspace.tools.from_space_view3d_mode('SCULPT').operator_properties(
+        'object.detail_deform_brush_pull')
+
+
+def applying_at_once():
+    """A click leaves nothing; with Apply on Release a drag changes the sculpt, and a face set is moved as one piece."""
+    with in_view():
+        bpy.ops.object.detail_deform_apply('EXEC_DEFAULT', True, remove_handles=True)
+        _fill_mask(0.0)
+    ob = _suzanne()
+    ob.data.use_mirror_x = False
+    _tool().apply = True
+    yield from settle()
+    rest, nose = coordinates(ob.data), _tip(1, -1)
+    yield from drag('brush-click', nose, 0, 0)
+    check("a click changes nothing", not _handles() and np.array_equal(coordinates(_suzanne().data), rest))
+    yield from drag('brush-at-once', nose, 0, 60)
+    yield from expect("a drag becomes part of the sculpt at once",
+                      lambda: np.abs(coordinates(_suzanne().data) - rest).max() > 0.2)
+    check("and leaves no handle", not _handles() and not _suzanne().modifiers and _suzanne().mode == 'SCULPT')
+    yield from settle()
+    xdotool('key', 'ctrl+z')
+    yield from expect("a step takes it back", lambda: np.array_equal(coordinates(_suzanne().data), rest))
+    yield from _by_face_set(rest)
+
+
+def _by_face_set(rest):
+    ob = _suzanne()
+    sets = np.ones(len(ob.data.polygons), np.int32)
+    corners = [polygon.vertices[0] for polygon in ob.data.polygons]
+    low = rest[corners, 2] < -0.55
+    sets[low] = 2
+    made = ob.data.attributes.get('.sculpt_face_set') or ob.data.attributes.new('.sculpt_face_set', 'INT', 'FACE')
+    made.data.foreach_set('value', sets)
+    _tool().apply, _tool().hold = False, 'FACE_SET'
+    yield from settle()
+    yield from drag('brush-face-set', _tip(2, -1) + Vector((0, 0, 0.1)), 0, 60)
+    yield from expect("a face set is pulled", _is_bound_to(1))
+    yield from settle()
+    moved = _moved()
+    held = np.unique([v for polygon, inside in zip(_suzanne().data.polygons, low) if inside for v in polygon.vertices])
+    check("as one piece", np.ptp(moved[held]) < 1e-4 and moved[held].min() > 0.1 and moved.max() < 1.1 * moved[held].max())
+    _tool().hold = 'BRUSH'

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
 # EEVEE Next, which came with 4.2, has EEVEE's name from 5.0 on.
 EEVEE = 'BLENDER_EEVEE_NEXT' if (4, 2) <= bpy.app.version < (5, 0) else 'BLENDER_EEVEE'
-_LIMIT_SECONDS = 8  # for conditions that take a moment, on a very busy machine
+_LIMIT_SECONDS = 180  # for conditions that take a moment, on a very busy machine
 failures = []
 
 

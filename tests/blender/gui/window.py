@@ -48,7 +48,8 @@ ROWS = {
                  everyday.stiffening),
     'results': (results.expressing, results.rendering, results.baking),
     'sculpts': (sculpts.pulling_a_sculpt, sculpts.sculpting_on),
-    'brushes': (brushes.sculpting_mode, brushes.by_brush, brushes.sculpting_what_was_pulled),
+    'brushes': (brushes.sculpting_mode, brushes.by_brush, brushes.sculpting_what_was_pulled,
+                brushes.applying_at_once),
     'large': (large.drafting, large.keeping_track),
 }
 
