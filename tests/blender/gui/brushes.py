@@ -157,7 +157,7 @@ def _stroke(name, place):
 
 def _fill_mask(value):
     bpy.ops.paint.mask_flood_fill(mode='VALUE', value=value)
-    bpy.ops.ed.undo_push(message="Mask")  # else the fill's step, as of a script, waits for the next one and takes its place
+    bpy.ops.ed.undo_push(message="Mask")  # the fill's own step, as of a script, waits for the next one, and replaces it
 
 
 def _masked():
@@ -221,7 +221,7 @@ def _by_face_set(rest):
     yield from drag('brush-face-set', _tip(2, -1) + Vector((0, 0, 0.1)), 0, 60)
     yield from expect("a face set is pulled", _is_bound_to(1))
     yield from settle()
-    moved = _moved()
-    held = np.unique([v for polygon, inside in zip(_suzanne().data.polygons, low) if inside for v in polygon.vertices])
-    check("as one piece", np.ptp(moved[held]) < 1e-4 and moved[held].min() > 0.1 and moved.max() < 1.1 * moved[held].max())
+    faces = [polygon for polygon, inside in zip(_suzanne().data.polygons, low) if inside]
+    held = _moved()[np.unique([vertex for face in faces for vertex in face.vertices])]
+    check("as one piece", np.ptp(held) < 1e-4 and held.min() > 0.1 and _moved().max() < 1.1 * held.max())
     _tool().hold = 'BRUSH'
