@@ -38,7 +38,7 @@ def drive(case, rows, prepared=None):
     """The Outcome of a case in an empty scene, None where its kinds don't combine. rows: patterns() of the manual.
     prepared: a function that returns a Specimen with handles, in place of the healthy sheet."""
     said = []
-    with _console(said):
+    with console(said):
         try:
             drive_ = _Drive(case, rows)
             outcome = drive_.run(prepared)
@@ -52,7 +52,7 @@ def drive(case, rows, prepared=None):
 
 
 @contextlib.contextmanager
-def _console(said):
+def console(said):
     """Appends everything that is printed meanwhile, also by C, to `said`."""
     sys.stdout.flush()
     sys.stderr.flush()
