@@ -15,7 +15,7 @@ from ..scene import brush_size, displayed, mesh_data, picking, sculpted, stack
 from ..scene.mesh_data import MeshProblem
 from ..setup import brush_pulling, pulling
 from . import brush_circle, view
-from .operator_base import MeshOperator, Progress, told
+from .operator_base import MeshOperator, Progress, UnderWay, told
 from .pull_operator import FALLOFF, RADIUS
 from .reach_choice import length_text
 
@@ -24,15 +24,7 @@ _PAUSE_SECONDS = 0.15  # without a notch, after which the new radius is bound: a
 _KEYS = "    wheel: reach    Shift: finely    Esc, right click: cancel"
 
 
-class _UnderWay(list):
-    """The running modal operator, if there is one."""
-
-    def clear(self):
-        for pull in list(self):
-            pull.cancel(bpy.context)
-
-
-_under_way = session.kept(_UnderWay(), session.Until.REPLACED)
+_under_way = session.kept(UnderWay(), session.Until.REPLACED)
 # content: (name of the object, sculpted.signature()) at the last step of undo that this module has had made, if no undo
 # has come since.
 _last = session.Values(session.Until.REPLACED, content=None)

@@ -78,6 +78,14 @@ class HandleEmptyOperator(MeshOperator):
         return handle_owners.handle_of(context.active_object)[0] or context.active_object
 
 
+class UnderWay(list):
+    """The running modal operator, if there is one; clear() cancels it."""
+
+    def clear(self):
+        for operator in list(self):
+            operator.cancel(bpy.context)
+
+
 class Progress:
     """Progress of a modal operator in the cursor and the status bar, and the timer that wakes the operator."""
 

@@ -11,19 +11,11 @@ from ..scene import handle_owners, mesh_data, stack
 from ..scene.selection import activate
 from ..setup import pulling
 from . import edit_again, view
-from .operator_base import MeshOperator, Progress
+from .operator_base import MeshOperator, Progress, UnderWay
 from .reach_choice import ReachChoice
 
 
-class _UnderWay(list):
-    """The running modal operator, if there is one."""
-
-    def clear(self):
-        for pull in list(self):
-            pull.cancel(bpy.context)
-
-
-_under_way = session.kept(_UnderWay(), session.Until.DISABLED)
+_under_way = session.kept(UnderWay(), session.Until.DISABLED)
 # Events that navigate the view, which pass through while the radius is chosen and while the object is bound.
 _NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
 
