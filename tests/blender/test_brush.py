@@ -199,8 +199,7 @@ def test_a_region_of_the_users_own_limits_it():
     ob.detail_deform.region = "mine"
     brush((0, 0, 0), (0, 0, 0.3), 0.5)
     change = lengths(ob)
-    held = members(ob, ob.detail_deform.handles[0].vertex_group)
-    assert not change[~members(ob, "mine") & ~held].any() and change[members(ob, "mine")].max() > 0.2
+    assert not change[~members(ob, "mine")].any() and change[members(ob, "mine")].max() > 0.2
     assert ob.detail_deform.region == "mine"
     assert "region, 'mine'" in refusal(bpy.ops.object.detail_deform_brush_pull, point=(0, 0.5, 0), radius=0.3)
     assert len(ob.detail_deform.handles) == 1 and ob.detail_deform.is_bound
@@ -289,6 +288,132 @@ def test_the_other_side_of_an_earlier_handle_is_left_and_told():
     assert len(ob.detail_deform.handles) == 2 and np.abs(evaluated(ob) - shown)[left].max() < 1e-6
 
 
+def test_the_image_has_the_mirrored_vertices_where_the_mesh_has_them():
+    ob = make_grid(relief=0.0)
+    ob.data.use_mirror_x = True
+    rest = own(ob)
+    for x in (0.15, 0.5):
+        brush((x, 0.1, 0), (0, 0, 0.3), 0.4)
+        mine, image = (members(ob, handle.vertex_group) for handle in list(ob.detail_deform.handles)[-2:])
+        mirrored = {tuple(np.round(point * (-1, 1), 4)) for point in rest[mine, :2]}
+        assert {tuple(point) for point in np.round(rest[image, :2], 4)} == mirrored
+        assert bpy.ops.object.detail_deform_apply(remove_handles=True) == {'FINISHED'}
+
+
+def test_a_second_pull_on_the_plane_stays_on_it():
+    ob = make_grid()
+    ob.data.use_mirror_x = True
+    brush((0.7, 0.7, 0), (0, 0, 0.2), 0.2)
+    brush((0, -0.5, 0), (0.1, 0, 0.3), 0.3)
+    middle = nearest(own(ob), (0, -0.5, 0))
+    assert np.allclose(evaluated(ob)[middle] - own(ob)[middle], (0, 0, 0.3), atol=1e-5)
+
+
+def test_with_two_axes_an_image_keeps_the_other_symmetry(capfd):
+    ob = make_grid()
+    ob.data.use_mirror_x = ob.data.use_mirror_y = True
+    brush((0, 0.5, 0), (0.1, 0, 0.3), 0.3)
+    for y in (0.5, -0.5):
+        middle = nearest(own(ob), (0, y, 0))
+        assert np.allclose(evaluated(ob)[middle] - own(ob)[middle], (0, 0, 0.3), atol=1e-5)
+    assert "several axes" in capfd.readouterr().out
+
+
+def test_what_lies_between_a_handle_and_its_image_goes_where_it_is_dragged():
+    ob = make_grid()
+    ob.data.use_mirror_y = True
+    brush((-0.3, 0.08, 0), (0, 0, 0.3), 0.5)
+    shown, middle = evaluated(ob), nearest(own(ob), (-0.3, 0, 0))
+    brush(shown[middle], (0.1, 0, 0), 0.5)
+    assert np.allclose(evaluated(ob)[middle] - shown[middle], (0.1, 0, 0), atol=1e-5)
+
+
+def test_what_is_masked_on_the_other_side_stays():
+    ob = make_grid()
+    rest = own(ob)
+    stays = rest[:, 0] < -0.1
+    put(ob.data, '.sculpt_mask', 'FLOAT', 'POINT', stays.astype(float))
+    corners = np.array([polygon.vertices[:] for polygon in ob.data.polygons])
+    put(ob.data, '.sculpt_face_set', 'INT', 'FACE',
+        np.where(np.abs(rest[corners] - (0.5, 0, 0)).max(axis=(1, 2)) < 0.2, 2, 1).astype(np.int32))
+    ob.data.use_mirror_x = True
+    for hold in ('FACE_SET', 'BRUSH'):
+        brush((0.5, 0, 0), (0, 0, 0.3), 0.3, hold=hold)
+        change = lengths(ob)
+        assert not change[stays].any() and change.max() > 0.29
+        bpy.ops.object.detail_deform_remove()
+
+
+def test_a_handle_of_what_was_masked_since_is_not_moved():
+    ob = make_grid()
+    brush((0, 0, 0), (0, 0, 0.3), 0.5)
+    shown = evaluated(ob)
+    put(ob.data, '.sculpt_mask', 'FLOAT', 'POINT', (own(ob)[:, 0] > 0.2).astype(float))
+    assert "masked" in refusal(bpy.ops.object.detail_deform_brush_pull, point=(0, 0, 0.3), radius=0.5)
+    assert np.abs(evaluated(ob) - shown).max() < 1e-6
+
+
+def test_handles_side_by_side_do_not_tear():
+    """The handle is smaller beside another one, and beside what stays: no edge is stretched by most of the motion."""
+    ob = make_grid()
+    brush((0, 0, 0), (0, 0, 0.3), 0.5, handle_size=0.5)
+    held = members(ob, ob.detail_deform.handles[0].vertex_group)
+    shown = evaluated(ob)
+    beside = own(ob)[held, 0].max() + 0.1
+    place = nearest(own(ob), (beside, 0, 0))
+    brush(shown[place], (0, 0, 0.3), 0.5, handle_size=0.5)
+    new = members(ob, ob.detail_deform.handles[1].vertex_group)
+    assert new[place] and not (new & held).any()
+    edges = np.array([edge.vertices[:] for edge in ob.data.edges])
+    change = evaluated(ob) - shown
+    assert np.abs(change[edges[:, 0]] - change[edges[:, 1]]).max() < 0.2
+
+
+# Reaches that are shared
+
+def test_another_radius_while_handles_share_a_reach(part):
+    ob = make_grid()
+    brush((-0.3, 0, 0), (0, 0, 0.3), 0.3)
+    first, shown = members(ob, "Reach"), evaluated(ob)
+    brushes = part('setup.brush_pulling')
+    surface = brushes.BrushedSurface(ob)
+    grip = brushes.grip(ob, surface, nearest(own(ob), (0.3, 0, 0)), 0, 0.1, False)
+    pulled = brushes.BrushPull(bpy.context, ob, grip, 0.9, 'MESH', 'TARGET')
+    for _ in pulled.stages(wait=True):
+        pass
+
+    def change_radius(radius):
+        pulled.change_radius(radius)
+        part('follow.lifecycle').wait(ob, bpy.context.evaluated_depsgraph_get())
+        update()
+
+    assert len({handle.reach for handle in ob.detail_deform.handles}) == 1, "they share it"
+    change_radius(1.0)
+    assert ob.detail_deform.is_bound and members(ob, "Reach").sum() > first.sum()
+    change_radius(0.25)
+    assert ob.detail_deform.is_bound and (members(ob, "Reach") == first).all()
+    assert len({handle.reach for handle in ob.detail_deform.handles}) == 2, "and share it no more"
+    assert np.abs(evaluated(ob) - shown).max() < 1e-6
+    pulled.undo()
+    update()
+    assert len(ob.detail_deform.handles) == 1 and len(ob.vertex_groups) == 2 and ob.detail_deform.is_bound
+    assert (members(ob, "Reach") == first).all() and np.abs(evaluated(ob) - shown).max() < 1e-6
+
+
+@pytest.mark.parametrize('end', ['apply', 'remove'])
+def test_no_group_is_left_of_reaches_that_have_become_one(end):
+    ob = make_grid()
+    for x in (-0.6, 0.6):
+        brush((x, 0, 0), (0, 0, 0.2), 0.2)
+    brush((0, 0, 0), (0, 0, 0.2), 0.8)
+    assert len({handle.reach for handle in ob.detail_deform.handles}) == 1
+    if end == 'apply':
+        bpy.ops.object.detail_deform_apply(remove_handles=True)
+    else:
+        bpy.ops.object.detail_deform_remove()
+    assert not ob.vertex_groups
+
+
 # Apply
 
 def test_apply_keeps_masks_face_sets_and_colours():
@@ -366,6 +491,42 @@ def test_a_handle_of_an_edited_mesh_is_bound_again_when_it_is_dragged():
     middle = nearest(points, (0, 0, 0))
     assert len(ob.detail_deform.handles) == 1 and not ob.detail_deform.stale
     assert np.allclose(evaluated(ob)[middle] - points[middle], (0, 0, 0.4), atol=1e-5)
+
+
+def test_a_handle_that_is_not_bound_any_more_is_bound_and_dragged():
+    ob = make_grid()
+    brush((0, 0, 0), (0, 0, 0.3), 0.5)
+    bpy.ops.object.detail_deform_unbind()
+    brush((0, 0, 0), (0, 0, 0.1), 0.5)
+    middle = nearest(own(ob), (0, 0, 0))
+    assert len(ob.detail_deform.handles) == 1 and ob.detail_deform.is_bound
+    assert np.allclose(evaluated(ob)[middle] - own(ob)[middle], (0, 0, 0.1), atol=1e-5)
+
+
+def test_handles_that_the_brush_cannot_move_are_told():
+    ob = make_grid()
+    brush((0, 0, 0), (0, 0, 0), 0.5)
+    pull = bpy.ops.object.detail_deform_brush_pull
+    sets = np.ones(len(ob.data.polygons), np.int32)
+    put(ob.data, '.sculpt_face_set', 'INT', 'FACE', sets)
+    assert "another handle" in refusal(pull, point=(0.8, 0.8, 0), radius=0.1, hold='FACE_SET')
+    ob.modifiers["Detail Deform"].show_viewport = False
+    assert "hidden" in refusal(pull, point=(0.8, 0.8, 0), radius=0.1)
+    ob.modifiers["Detail Deform"].show_viewport = True
+    bpy.data.objects.remove(ob.detail_deform.handles[0].target)
+    update()
+    assert "Bring Back Empties" in refusal(pull, point=(0, 0, 0), radius=0.5)
+    assert len(ob.detail_deform.handles) == 1
+
+
+def test_one_vertex_that_is_no_number_does_not_hide_the_others():
+    ob = make_grid()
+    points = own(ob)
+    points[5] = np.nan
+    ob.data.vertices.foreach_set('co', points.astype(np.float32).ravel())
+    brush((0, 0, 0), (0, 0, 0.2), 0.3)
+    middle = nearest(np.nan_to_num(points, nan=9), (0, 0, 0))
+    assert np.allclose(evaluated(ob)[middle] - points[middle], (0, 0, 0.2), atol=1e-5)
 
 
 def test_bad_input_is_refused_by_a_sentence_and_changes_nothing():

@@ -11,7 +11,7 @@ from mathutils import Matrix, Vector
 from .. import session
 from ..follow import lifecycle, messages
 from ..library.options import HANDLE_TURNS
-from ..scene import brush_size, displayed, mesh_data, picking, sculpted, stack
+from ..scene import brush_size, deform_modifier, displayed, mesh_data, picking, sculpted, stack
 from ..scene.mesh_data import MeshProblem
 from ..setup import brush_pulling, pulling
 from . import brush_circle, view
@@ -19,6 +19,7 @@ from .operator_base import MeshOperator, Progress, UnderWay, told
 from .pull_operator import FALLOFF, RADIUS
 from .reach_choice import length_text
 
+MOST_HELD = 0.9  # share of the radius that the handle may take, so that something is left to follow
 _WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
 _PAUSE_SECONDS = 0.15  # without a notch, after which the new radius is bound: about that between two notches
 _KEYS = "    wheel: reach    Shift: finely    Esc, right click: cancel"
@@ -49,7 +50,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         items=[('BRUSH', "Brush", "What lies in the middle of the brush: see Handle Size"),
                ('FACE_SET', "Face Set", "The whole face set under the brush; the reach is counted from its border")])
     handle_size: FloatProperty(
-        name="Handle Size", default=0.25, min=0.0, max=0.9, subtype='FACTOR',
+        name="Handle Size", default=0.25, min=0.0, max=MOST_HELD, subtype='FACTOR',
         description="Share of the brush's radius in which the surface is moved as one piece")
     falloff: EnumProperty(**FALLOFF)
     turns: EnumProperty(name="Turns", items=HANDLE_TURNS, description="What turns the vertices of the handle")
@@ -65,7 +66,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         name="Offset", subtype='TRANSLATION', options={'SKIP_SAVE'}, description="How far it is pulled, in the world")
 
     _view = _ob = _pull = _stages = _progress = _held = None
-    _applies = False
+    _applies, _size = False, 0.0  # whether it ends with Apply; distance up to which vertices are the handle's
 
     @classmethod
     def poll_object(cls, ob):
@@ -75,7 +76,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        sculpted.check(ob)
+        _check(ob)
         if not self.radius:
             raise MeshProblem("Without a window there is no brush: give the radius of the reach.")
         self._ob, surface = ob, brush_pulling.BrushedSurface(ob)
@@ -89,13 +90,15 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
     def _take(self, context, surface, vertex, face):
         """Takes hold of the surface, a BrushedSurface, at a vertex of a face. Generator of the fraction done."""
         ob = self._ob
+        brush_pulling.check_masked(surface, vertex)
         number, axis = brush_pulling.handle_at(ob, vertex)
         if number is not None:
+            brush_pulling.check_unmasked(ob, surface, number)
             self._held = _Held(ob, ob.detail_deform.handles[number].target, axis)
             yield from brush_pulling.bound_again(context, ob, wait=not self._view)
             return
-        grip = brush_pulling.grip(ob, surface, vertex, face, self.radius, self.handle_size,
-                                  self.hold == 'FACE_SET')
+        self._size = self.handle_size * self.radius
+        grip = brush_pulling.grip(ob, surface, vertex, face, self._size, self.hold == 'FACE_SET')
         self._applies = self.apply and not ob.detail_deform.handles
         self._pull = brush_pulling.BrushPull(context, ob, grip, self.radius, self.falloff, self.turns)
         for done in self._pull.stages(wait=bpy.app.background or not self._view, watch=True):
@@ -111,8 +114,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
             return self.execute(context)
         self._ob, self._view = context.active_object, view.chosen(context)
         try:
-            mesh_data.check_editable(self._ob)
-            sculpted.check(self._ob)
+            _check(self._ob)
             if not self._begin(context, event):
                 self.report({'WARNING'}, "There is nothing of this object under the brush: begin the drag on it")
                 self._view = None
@@ -151,8 +153,10 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         except messages.TOLD as problem:
             self.report({'ERROR'}, messages.said(self._ob, problem))
             return self._take_back(context)
+        except ReferenceError:  # a script has removed what is pulled
+            return self._end(context, {'CANCELLED'})
         except Exception:
-            self._end(context, None)
+            self._take_back(context)
             raise
 
     def _handle_event(self, context, event):
@@ -207,8 +211,9 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
     def _finish(self, context):
         """Ends with what was pulled."""
         ob, pull, moved = self._ob, self._pull, self._view and self._moved
-        if moved is not None:
+        if moved is not None:  # for a repeat
             self.offset = moved
+            self.handle_size = min(self._size / self.radius, MOST_HELD)
         for remark in pull.remarks if pull else ():
             self.report({'WARNING'}, remark)
         if pull and pull.made_modifier and not self._applies and (behind := stack.names_kept_after(ob)):
@@ -265,6 +270,16 @@ class _Held:
         self._empty.matrix_world = Matrix.Translation(self._linear @ offset) @ self._at
 
 
+def _check(ob):
+    """Raises MeshProblem where a pull couldn't be computed or seen."""
+    mesh_data.check_editable(ob)
+    sculpted.check(ob)
+    modifier = deform_modifier.find(ob)
+    if modifier and not modifier.show_viewport:
+        raise MeshProblem("The modifier of Detail Deform is hidden in the viewport, so no pull would be seen: show it "
+                          "first.")
+
+
 def _displayed(context, surface, ob):
     """(n, 3): what is seen of the mesh's own vertices, in local space."""
     found = displayed.positions(ob, context.evaluated_depsgraph_get())
@@ -290,9 +305,11 @@ def _nearest(context, surface, ob, point):
         raise MeshProblem(f"'{ob.name}' has no faces: there is no surface to pull.")
     point = np.float32(ob.matrix_world.inverted_safe() @ Vector(point))
     away = np.linalg.norm(_displayed(context, surface, ob) - point, axis=1)
-    triangle = away[surface.triangles].sum(axis=1).argmin()
-    corners = surface.triangles[triangle]
-    return int(corners[away[corners].argmin()]), int(mesh_data.faces_of_triangles(ob.data)[triangle])
+    away[~np.isfinite(away)] = np.inf
+    vertex = surface.triangles.ravel()[away[surface.triangles].argmin()]
+    around = np.flatnonzero((surface.triangles == vertex).any(axis=1))
+    triangle = around[away[surface.triangles[around]].sum(axis=1).argmin()]
+    return int(vertex), int(mesh_data.faces_of_triangles(ob.data)[triangle])
 
 
 register, unregister = bpy.utils.register_classes_factory([OBJECT_OT_detail_deform_brush_pull])

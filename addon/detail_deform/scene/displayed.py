@@ -20,6 +20,11 @@ def _movers(ob):
             if m.show_viewport and m != own and (m.type in partial_evaluation.MOVERS or m.type == 'NODES')]
 
 
+def has_movers(ob):
+    """Whether shown modifiers other than the deformation's own may move vertices."""
+    return bool(_movers(ob))
+
+
 def needs_measuring(ob):
     """Whether modifiers other than a single plain armature (skin.is_plain) pose the mesh."""
     modifiers = [ob.modifiers[k] for k in _movers(ob)]

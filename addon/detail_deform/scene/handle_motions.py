@@ -66,6 +66,8 @@ def _mirrored_transform(handle, source, transform):
     if not handle_rests.has_home(source):
         return np.eye(4)
     motion = transform @ np.linalg.inv(handle_rests.home_transform(source))
+    if source.symmetric:
+        motion = symmetric.motion(motion, _reflections_of(source), handle_rests.home_transform(source)[:3, 3])
     if handle.symmetric:
         return symmetric.motion(motion, _reflections_of(handle), handle_rests.home_transform(source)[:3, 3])
     flip = _reflection_of(handle)
@@ -87,7 +89,9 @@ def pivots(subject):
         if not handle.mirrors:
             result[number] = symmetric.point(result[number], _reflections_of(handle))
     for number, source in subject.mirror_sources.items():
-        handle, point = handles[number], handle_rests.home_transform(handles[source])[:, 3]
+        handle, point = handles[number], handle_rests.home_transform(handles[source])[:, 3].copy()
+        if handles[source].symmetric:
+            point[:3] = symmetric.point(point[:3], _reflections_of(handles[source]))
         image = (np.append(symmetric.point(point[:3], _reflections_of(handle)), 1.0) if handle.symmetric else
                  _reflection_of(handle) @ point)
         result[number] = (handle_rests.rest_transform(handle) @ image)[:3]

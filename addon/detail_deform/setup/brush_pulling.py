@@ -7,10 +7,10 @@ import numpy as np
 
 from ..follow import lifecycle
 from ..library import native
-from ..scene import group_columns, handle_curves, mesh_data, sculpted, split, start
+from ..scene import displayed, group_columns, handle_curves, mesh_data, sculpted, split, start
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, mirroring, region_setup
-from .pulling import Pull, bind, earlier_handles, symmetric_axes, until_bound
+from .pulling import Pull, bind, earlier_handles, may_set_region, symmetric_axes, until_bound
 
 
 class BrushedSurface:
@@ -25,9 +25,13 @@ class BrushedSurface:
         self.fixed = sculpted.are_fixed(ob.data)
 
     def within(self, parts, limit):
-        """(n,) bool: the vertices at a distance of at most limit from the nearest of the parts, arrays of vertices,
-        along the surface, in world units. The time is that of the surface within the limit, apart from a pass over all
-        vertices and triangles."""
+        """(n,) bool: the vertices at a distance of at most limit from the nearest of the parts, as for distances()."""
+        return self.distances(parts, limit) <= limit
+
+    def distances(self, parts, limit):
+        """(n,) float32: the distances from the nearest of the parts, arrays of vertices, along the surface, in world
+        units; infinite or any larger value beyond the limit. The time is that of the surface within the limit, apart
+        from a pass over all vertices and triangles."""
         distances = np.full(len(self.local), np.inf, np.float32)
         for part in parts:
             source = np.unique(self._welded.representatives(np.asarray(part)))
@@ -41,11 +45,7 @@ class BrushedSurface:
             distances[vertices] = np.minimum(distances[vertices], found)
             distances[source] = 0
         distances = distances[self._welded.representatives(np.arange(len(distances)))]
-        return region_setup.with_loose(self._ob, self._welded_triangles, distances) <= limit
-
-    def around(self, vertex, size):
-        """(n,) bool: the vertices that aren't fixed, at a distance of at most size from a vertex."""
-        return self.within([[vertex]], size) & ~self.fixed
+        return region_setup.with_loose(self._ob, self._welded_triangles, distances)
 
     def mirrored_vertex(self, vertex, axis, limit):
         """The vertex that is nearest to the mirrored place of another, both as the mesh itself has them; None if it is
@@ -64,47 +64,92 @@ class Grip(NamedTuple):
     source: Any  # (n,) bool: the vertices from which the reach is measured
     vertices: Any  # (n,) bool: those of the handle
     vertex: int  # the one under the brush
+    may_move: Any  # (n,) bool: all that are neither fixed nor beside a region of the user's
     of_face_set: bool
     size: float = 0.0  # distance from it up to which vertices are the handle's, in world units; not of a face set
 
 
-def grip(ob, surface, vertex, face, radius, share, by_face_set):
-    """The Grip of a brush with that radius, in world units, at a vertex of a face: the vertices within a share of the
-    radius, or those of the face's face set. surface: the BrushedSurface. Raises MeshProblem."""
+def check_masked(surface, vertex):
+    """Raises MeshProblem where a vertex is fixed."""
     if surface.fixed[vertex]:
         raise MeshProblem("What is under the brush is masked, and stays where it is: clear its mask, or pull beside.")
+
+
+def grip(ob, surface, vertex, face, size, by_face_set):
+    """The Grip of a brush at a vertex of a face: the vertices up to a distance of size from it, in world units, or
+    those of the face's face set. surface: the BrushedSurface. Raises MeshProblem."""
+    settings, may_move = ob.detail_deform, ~surface.fixed
+    if settings.region and not may_set_region(ob):
+        inside = np.zeros(len(may_move), bool)
+        inside[mesh_data.members_of_each(ob, [settings.region], group_columns.entries)[0]] = True
+        may_move &= inside
+        if not may_move[vertex]:
+            raise MeshProblem(f"What is under the brush is not in the region, '{settings.region}', and stays where it "
+                              "is: pull within it, or clear Region.")
+    held = _held(ob)
     if by_face_set:
-        source = sculpted.vertices_of_face_set(ob.data, face) & ~surface.fixed
-        return Grip(surface, source, source, vertex, True)
-    source = np.zeros(len(surface.fixed), bool)
+        source = sculpted.vertices_of_face_set(ob.data, face) & may_move
+        if source[held].any():
+            raise MeshProblem("The face set has vertices of another handle, which would stay: drag that one, or press "
+                              "Apply first.")
+        return Grip(surface, source, source, vertex, may_move, True)
+    source = np.zeros(len(may_move), bool)
     source[vertex] = True
-    return Grip(surface, source, surface.around(vertex, share * radius), vertex, False, share * radius)
+    # At most half of the distance to the next handle and to what stays: the surface between two that touch would tear.
+    stays = ~may_move
+    stays[held] = True
+    size = min(size, 0.5 * float(surface.distances([[vertex]], 2 * size)[stays].min(initial=np.inf)))
+    return Grip(surface, source, surface.within([[vertex]], size) & may_move, vertex, may_move, False, size)
 
 
-def handle_at(ob, vertex):
-    """(number, axis) of the handle with an empty that holds a vertex: the axis, 0 to 2, where the vertex is one of its
-    mirror image, else None. (None, None) where the vertex is in no such handle of a bound object."""
+def _held(ob):
+    """The numbers of the vertices of all handles."""
+    groups = [handle.vertex_group for handle in ob.detail_deform.handles
+              if handle.enabled and handle.vertex_group in ob.vertex_groups]
+    return np.concatenate([np.empty(0, np.intp), *mesh_data.members_of_each(ob, groups, group_columns.entries)])
+
+
+def handle_at(ob, vertex, count=None):
+    """(number, axis) of the handle that holds a vertex: the axis, 0 to 2, where the vertex is one of its mirror image,
+    else None. (None, None) where the vertex is in no handle. count: of the first handles, which alone are searched.
+    Raises MeshProblem where the brush can't move that handle."""
     settings, groups = ob.detail_deform, ob.vertex_groups
-    if not settings.signature:
-        return None, None
     weights = {groups[entry.group].name: entry.weight for entry in ob.data.vertices[vertex].groups}
-    found = [handle for handle in settings.handles
+    found = [handle for handle in settings.handles[:count]
              if handle.enabled and weights.get(handle.vertex_group, 0) > mesh_data.MEMBER_WEIGHT]
     if not found:
         return None, None
     handle = max(found, key=lambda handle: weights[handle.vertex_group])
-    axis = 'XYZ'.index(handle.mirror_axis) if handle.mirrors else None
     number = settings.handles.find(handle.mirrors or handle.name)
-    if number < 0 or settings.handles[number].target is None or handle_curves.has_curve(settings.handles[number]):
-        return None, None
+    if number < 0 or settings.handles[number].target is None:
+        raise MeshProblem(f"What is under the brush is in handle '{handle.name}', which has no empty to be moved: "
+                          "press Bring Back Empties, or remove that handle.")
+    if handle_curves.has_curve(settings.handles[number]):
+        raise MeshProblem(f"What is under the brush is in handle '{handle.name}', which follows a curve or bones: move "
+                          "these.")
+    # What lies on the plane moves along it, as the handle and its image do.
+    axis = 'XYZ'.index(handle.mirror_axis) if handle.mirrors and not handle.symmetric else None
+    if axis is not None and displayed.has_movers(ob):
+        raise MeshProblem(f"What is under the brush is the mirror image of handle '{handle.mirrors}', and modifiers "
+                          "pose the mesh: drag that handle itself.")
     return number, axis
 
 
+def check_unmasked(ob, surface, number):
+    """Raises MeshProblem where a handle would move what is masked now: it can't be left out without losing the pose."""
+    handle = ob.detail_deform.handles[number]
+    groups = [name for name in (handle.vertex_group, handle.reach or ob.detail_deform.region)
+              if name in ob.vertex_groups]
+    if surface.fixed[np.concatenate(mesh_data.members_of_each(ob, groups, group_columns.entries))].any():
+        raise MeshProblem(f"What is under the brush is in handle '{handle.name}', which moves what was masked or "
+                          "hidden since: clear the mask, or press Apply first.")
+
+
 def bound_again(context, ob, wait):
-    """Generator: binds an object anew that was edited since it was bound, as by strokes. Yields the progress."""
+    """Generator: binds an object that isn't bound, or that was edited since, as by strokes. Yields the progress."""
     lifecycle.compare(ob)
-    if ob.detail_deform.stale:
-        bind(context, ob, wait, keep_rest=True)
+    if ob.detail_deform.stale or not ob.detail_deform.signature:
+        bind(context, ob, wait, keep_rest=bool(ob.detail_deform.signature))
         yield from until_bound(ob)
 
 
@@ -115,7 +160,7 @@ class BrushPull(Pull):
         """radius: of the reach, from the source of the Grip, in world units. falloff: as for Pull. turns: of the
         handle."""
         super().__init__(context, ob, radius, falloff=falloff)
-        self._grip, self._turns, self._always_reach, self._may_move = grip, turns, True, ~grip.surface.fixed
+        self._grip, self._turns, self._always_reach, self._may_move = grip, turns, True, grip.may_move
         self._earlier = None
 
     def _add_handle(self):
@@ -124,30 +169,34 @@ class BrushPull(Pull):
 
     def _set_moved_vertices(self):
         settings = self._ob.detail_deform
-        if settings.region and not settings.pulled_region:  # the user's: nothing beside it moves
-            self._may_move = self._may_move & mesh_data.members(self._ob, settings.region)
-            if not self._may_move[self._grip.vertex]:
-                raise MeshProblem(f"What is under the brush is not in the region, '{settings.region}', and stays where "
-                                  "it is: pull within it, or clear Region.")
-        else:
+        if may_set_region(self._ob):
             settings.pulled_region = True
         if self._earlier is None:
             self._earlier = earlier_handles(self._ob, self._count)
         self._move(self._within_radius(), self._earlier)
 
     def _image(self, axis):
-        """As of Pull. Blender's brushes are mirrored in space, and so is this one: the image is around the vertex that
-        is nearest to the mirrored place, on a mesh that is not symmetric vertex by vertex, too."""
+        """As of Pull: the exact image on a mesh that is symmetric vertex by vertex. On others it is so in space, as
+        Blender's brushes are: around the vertex that is nearest to the mirrored place."""
         grip = self._grip
         if grip.of_face_set:
-            return None
-        mirrored = self._mirrored(axis)
-        if mirrored is None:
-            raise MeshProblem("There is no surface at the mirrored place, so one side alone is pulled.")
-        if handle_at(self._ob, mirrored)[0] is not None:
-            raise MeshProblem("The other side is in a handle already, and isn't pulled along: drag that by itself, or "
-                              "press Apply first.")
-        return grip.surface.around(mirrored, grip.size)
+            image = mirroring.mirror_image(self._ob, grip.vertices, axis)[0]
+        else:
+            mirrored = self._mirrored(axis)
+            if mirrored is None:
+                raise MeshProblem("There is no surface at the mirrored place, so one side alone is pulled.")
+            if handle_at(self._ob, mirrored, self._count)[0] is not None:
+                raise MeshProblem("The other side is in a handle already, and isn't pulled along: drag that by itself, "
+                                  "or press Apply first.")
+            image = self._exact_image(grip.vertices, axis)
+            if image is None:
+                image = grip.surface.within([[mirrored]], grip.size)
+        return image & grip.may_move
+
+    def _exact_image(self, chosen, axis):
+        """(n,) bool: the vertices at the mirrored places; None if one is missing."""
+        image, missing = mirroring.mirror_image(self._ob, chosen, axis)
+        return None if missing else image
 
     def _mirrored(self, axis):
         """The vertex under the brush's mirror image, or None."""
@@ -157,13 +206,16 @@ class BrushPull(Pull):
         """(n,) bool: the vertices within the radius of the source and its mirror images, and all that are beside the
         handles, so that something follows on a mesh that is coarser than the radius."""
         ob, grip = self._ob, self._grip
-        sources = [np.flatnonzero(grip.source)]
+        of_source = grip.surface.within([np.flatnonzero(grip.source)], self.radius)
+        within = of_source.copy()
         for axis in symmetric_axes(ob):
-            if grip.of_face_set:
-                sources.append(np.flatnonzero(mirroring.mirror_image(ob, grip.source, axis)[0]))
-            elif self._mirrored(axis) is not None:
-                sources.append([self._mirrored(axis)])
-        within = grip.surface.within(list(filter(len, sources)), self.radius)
+            image = self._exact_image(of_source, axis)
+            if image is None and grip.of_face_set:
+                image = mirroring.mirror_image(ob, of_source, axis)[0]
+            elif image is None:
+                mirrored = self._mirrored(axis)
+                image = False if mirrored is None else grip.surface.within([[mirrored]], self.radius)
+            within |= image
         groups = [handle.vertex_group for handle in ob.detail_deform.handles[self._count:]]
         held = np.zeros(len(within), bool)
         held[np.concatenate(mesh_data.members_of_each(ob, groups, group_columns.entries))] = True

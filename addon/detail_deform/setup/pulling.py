@@ -112,7 +112,7 @@ class Pull:
     def _change(self):
         """Generator: makes the handles and sets what they move."""
         yield from self._add_handle()
-        self._region, self._binding = region_setup.snapshot(self._ob), binding_state.present(self._ob)
+        self._region, self._binding = region_setup.snapshot(self._ob, self._count), binding_state.present(self._ob)
         registry.check_mesh(self._ob)
         self._mirror()
         yield 0.0
@@ -137,6 +137,9 @@ class Pull:
     def _mirror(self):
         """Adds the symmetric handles for Edit Mode's symmetry."""
         axes = symmetric_axes(self._ob)
+        if len(axes) > 1:
+            self.remarks.append("With the symmetry of several axes each pulls its own other side; what lies across two "
+                                "of them is not pulled along: pull that by itself")
         if axes and self._curve_points:
             self.remarks.append("Edit Mode's symmetry mirrors no curves: pull the other side by a curve of its own")
             return

@@ -34,9 +34,20 @@ def set_reach(ob, handles, members):
     own = next((h.own_reach for h in handles if h.own_reach and not any(
         h.own_reach in {other.reach, other.vertex_group} for other in others)), "")
     name = selection.fill_own_group(ob, own, bool(own), _REACH_NAME, members)
+    replaced = {handle.own_reach for handle in handles} - {name, ""}
     for handle in handles:
         handle.own_reach = name
         handle.reach = name
+    _remove_unused(ob, replaced)
+
+
+def _remove_unused(ob, names):
+    """Removes the vertex groups of these names, which were made for reaches, that nothing uses any more."""
+    used = {name for handle in ob.detail_deform.handles
+            for name in (handle.reach, handle.own_reach, handle.vertex_group)}
+    for name in (names - used) & set(ob.vertex_groups.keys()):
+        if not users.needed_groups(ob, [name]):
+            ob.vertex_groups.remove(ob.vertex_groups[name])
 
 
 class RegionState(NamedTuple):
@@ -50,10 +61,10 @@ class RegionState(NamedTuple):
     members: dict  # {group name: its vertices}
 
 
-def snapshot(ob):
-    """The present state, for restore()."""
+def snapshot(ob, count):
+    """The present state, for restore(). count: of the first handles, to which reaches are restored."""
     settings = ob.detail_deform
-    reaches = [(handle.reach, handle.own_reach) for handle in settings.handles]
+    reaches = [(handle.reach, handle.own_reach) for handle in settings.handles[:count]]
     groups = [name for name in {settings.own_region, *(own for _, own in reaches)} if name in ob.vertex_groups]
     if groups and ob.mode == 'EDIT':
         ob.update_from_editmode()
@@ -70,16 +81,17 @@ def restore(ob, state):
     settings.pulled_region = state.pulled_region
     if settings.smoothness != state.smoothness:
         settings.smoothness = state.smoothness
-    for handle, (reach, own) in zip(settings.handles, state.reaches):
-        if handle.own_reach != own and handle.own_reach in ob.vertex_groups:
-            ob.vertex_groups.remove(ob.vertex_groups[handle.own_reach])
-        handle.own_reach = own
-        if handle.reach != reach:
-            handle.reach = reach
     for name, vertices in state.members.items():
         members = np.zeros(len(ob.data.vertices), bool)
         members[vertices] = True
-        selection.fill_group(ob, ob.vertex_groups[name], members)
+        selection.fill_group(ob, ob.vertex_groups.get(name) or ob.vertex_groups.new(name=name), members)
+    replaced = set()
+    for handle, (reach, own) in zip(settings.handles, state.reaches):
+        replaced |= {handle.own_reach} - {own, ""}
+        handle.own_reach = own
+        if handle.reach != reach:
+            handle.reach = reach
+    _remove_unused(ob, replaced)
 
 
 def remove_own(ob):
