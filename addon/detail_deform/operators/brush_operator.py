@@ -45,17 +45,19 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
     bl_description = ("In Sculpt Mode: what is under the brush becomes a handle with a reach of the brush's radius, "
                       "and is moved by the drag. A drag that begins on a handle moves that one")
 
+    # None is kept for the next drag, whose settings are the tool's.
     hold: EnumProperty(
-        name="Hold", default='BRUSH', description="What becomes the handle",
+        name="Hold", default='BRUSH', options={'SKIP_SAVE'}, description="What becomes the handle",
         items=[('BRUSH', "Brush", "What lies in the middle of the brush: see Handle Size"),
                ('FACE_SET', "Face Set", "The whole face set under the brush; the reach is counted from its border")])
     handle_size: FloatProperty(
-        name="Handle Size", default=0.25, min=0.0, max=MOST_HELD, subtype='FACTOR',
+        name="Handle Size", default=0.25, min=0.0, max=MOST_HELD, subtype='FACTOR', options={'SKIP_SAVE'},
         description="Share of the brush's radius in which the surface is moved as one piece")
-    falloff: EnumProperty(**FALLOFF)
-    turns: EnumProperty(name="Turns", items=HANDLE_TURNS, description="What turns the vertices of the handle")
+    falloff: EnumProperty(**FALLOFF, options={'SKIP_SAVE'})
+    turns: EnumProperty(name="Turns", items=HANDLE_TURNS, options={'SKIP_SAVE'},
+                        description="What turns the vertices of the handle")
     apply: BoolProperty(
-        name="Apply on Release", default=False,
+        name="Apply on Release", default=False, options={'SKIP_SAVE'},
         description="Make the pull part of the sculpt when the button is let go, and keep no handle")
     radius: FloatProperty(**{**RADIUS, 'description': "Distance along the surface up to which it follows. 0: the "
                                                       "radius of the brush"}, options={'SKIP_SAVE'})
@@ -213,7 +215,8 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         ob, pull, moved = self._ob, self._pull, self._view and self._moved
         if moved is not None:  # for a repeat
             self.offset = moved
-            self.handle_size = min(self._size / self.radius, MOST_HELD)
+            if pull:
+                self.handle_size = min(self._size / self.radius, MOST_HELD)
         for remark in pull.remarks if pull else ():
             self.report({'WARNING'}, remark)
         if pull and pull.made_modifier and not self._applies and (behind := stack.names_kept_after(ob)):

@@ -108,7 +108,7 @@ def _escape(chin, first):
 
 def _wheel(chin, first):
     sizes = []
-    for notches in (0, 8):
+    for notches in (0, 8, 0):
         yield from drag(f'brush-wheel-{notches}', chin, 0, 60, [(4, notches)])
         yield from expect("the second handle is bound", _is_bound_to(2))
         yield from settle()
@@ -117,6 +117,7 @@ def _wheel(chin, first):
         yield from expect("and undone by a step", lambda: len(_handles()) == 1)
         yield from settle()
     check(f"the wheel makes the reach larger, {sizes}", sizes[1] > 1.25 * sizes[0])
+    check("of that drag alone", sizes[2] == sizes[0])
 
 
 def sculpting_what_was_pulled():
