@@ -130,6 +130,12 @@ def sculpting_what_was_pulled():
     applied = coordinates(_suzanne().data)
     check("Apply keeps the shape", np.abs(applied - shown).max() < 1e-6)
     check("and Sculpt Mode, and no handle", _suzanne().mode == 'SCULPT' and not _handles())
+    if bpy.context.tool_settings.sculpt.brush is not None:  # Debian's 4.3.2 comes without Blender's brushes
+        yield from _stroking(shown, applied)
+    yield from _masked()
+
+
+def _stroking(shown, applied):
     yield from _stroke('brush-blender', _tip(0) - Vector((0.15, 0, 0.05)))
     brushed, there = coordinates(_suzanne().data), np.linalg.norm(coordinates(_suzanne().data) - applied, axis=1)
     check("a brush of Blender's works there", there.max() > 1e-3 and shown[there.argmax(), 0] > 1)
@@ -143,7 +149,6 @@ def sculpting_what_was_pulled():
         xdotool('key', 'ctrl+z')
         yield from settle()
     yield from expect("then the stroke", lambda: np.abs(coordinates(_suzanne().data) - applied).max() < 1e-6)
-    yield from _masked()
 
 
 def _stroke(name, place):
