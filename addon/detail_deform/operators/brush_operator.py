@@ -11,10 +11,10 @@ from mathutils import Matrix, Vector
 from .. import session
 from ..follow import lifecycle, messages
 from ..library.options import HANDLE_TURNS
-from ..scene import brush_size, deform_modifier, displayed, mesh_data, picking, sculpted, stack
+from ..scene import (brush_circle, brush_size, deform_modifier, displayed, mesh_data, picking, sculpted, stack,
+                     view)
 from ..scene.mesh_data import MeshProblem
 from ..setup import brush_pulling, pulling
-from . import brush_circle, view
 from .operator_base import MeshOperator, Progress, UnderWay, told
 from .pull_operator import FALLOFF, RADIUS
 from .reach_choice import length_text

@@ -7,10 +7,10 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 from .. import session
 from ..follow import messages
 from ..library.options import FALLOFFS
-from ..scene import handle_owners, mesh_data, stack
+from ..scene import handle_owners, mesh_data, stack, view
 from ..scene.selection import activate
 from ..setup import pulling
-from . import edit_again, view
+from . import edit_again
 from .operator_base import MeshOperator, Progress, UnderWay
 from .reach_choice import ReachChoice
 

@@ -9,7 +9,6 @@ from ..scene import shaders
 
 _NEAR_COLOUR, _BORDER_COLOUR = (1.0, 0.55, 0.1, 0.6), (0.2, 0.75, 0.7, 0.25)
 _NEARER = 2e-4  # depth bias in normalized device coordinates, so that the surface doesn't hide its own preview
-_SEGMENTS = 96  # of the circle
 
 _VERTEX = """
 void main()
@@ -49,19 +48,6 @@ def _make_shader():
     info.vertex_source(_VERTEX)
     info.fragment_source(_FRAGMENT)
     return gpu.shader.create_from_info(info)
-
-
-def draw_circle(centre, radius):
-    """Draws a circle that is visible on any background. centre, radius: in pixels of the drawn region."""
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-    turns = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
-    corners = np.stack([centre[0] + radius * np.cos(turns), centre[1] + radius * np.sin(turns), 0 * turns], -1)
-    gpu.state.blend_set('ALPHA')
-    for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.5)), (1.5, (1.0, 1.0, 1.0, 0.9))):
-        shader = shaders.lines(width, colour)
-        batch_for_shader(shader, 'LINE_STRIP', {'pos': corners.astype(np.float32)}).draw(shader)
-    gpu.state.blend_set('NONE')
 
 
 class ReachDrawing:
@@ -121,4 +107,4 @@ class ReachDrawing:
         circle = self._choice.circle(bpy.context.region)
         if circle is None:
             return
-        draw_circle(*circle)
+        shaders.draw_circle(*circle)

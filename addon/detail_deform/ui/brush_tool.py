@@ -3,8 +3,7 @@
 
 import bpy
 
-from ..operators import brush_circle
-from ..scene import brush_size
+from ..scene import brush_circle, brush_size
 
 _PULL = 'object.detail_deform_brush_pull'
 

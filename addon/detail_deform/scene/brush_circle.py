@@ -4,9 +4,7 @@
 import bpy
 
 from .. import session
-from ..scene import brush_size
-from . import view
-from .reach_drawing import draw_circle
+from . import brush_size, shaders, view
 
 # Until 4.2 Blender draws its brush's circle with any tool of Sculpt Mode.
 _BLENDER_DRAWS_IT = bpy.app.version < (4, 3)
@@ -29,9 +27,9 @@ def draw(context, place):
         if not _BLENDER_DRAWS_IT:
             seen_in = view.chosen(context)
             unit = seen_in.unit(seen_in.region.data.view_location)
-            draw_circle(place, brush_size.radius(context, unit) / unit)
+            shaders.draw_circle(place, brush_size.radius(context, unit) / unit)
         return
     centre = _pulled.view.on_screen(_pulled.point)
     if centre is not None:
-        draw_circle((centre.x + _pulled.view.region.x, centre.y + _pulled.view.region.y),
-                    _pulled.radius / _pulled.view.unit(_pulled.point))
+        shaders.draw_circle((centre.x + _pulled.view.region.x, centre.y + _pulled.view.region.y),
+                            _pulled.radius / _pulled.view.unit(_pulled.point))
