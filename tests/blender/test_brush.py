@@ -593,7 +593,7 @@ def test_distances_around_the_brush_are_those_over_the_whole_surface(part):
         start = np.arange(len(surface.local)) == chosen
         whole = part('library.native').distances(surface.local, surface.triangles, start)
         for limit in (0.05, 0.3, 1.0):
-            assert (surface.within([[chosen]], limit) == (whole <= limit)).all()
+            assert (surface.within([chosen], limit) == (whole <= limit)).all()
 
 
 def test_a_pulled_patch_keeps_its_relief():

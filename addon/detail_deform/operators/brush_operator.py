@@ -19,11 +19,10 @@ from .operator_base import MeshOperator, Progress, UnderWay, told
 from .pull_operator import FALLOFF, RADIUS
 from .reach_choice import length_text
 
-MOST_HELD = 0.9  # share of the radius that the handle may take, so that something is left to follow
+_MOST_HELD = 0.9  # share of the radius that the handle may take, so that something is left to follow
 _WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
 _PAUSE_SECONDS = 0.15  # without a notch, after which the new radius is bound: about that between two notches
 _KEYS = "    wheel: reach    Shift: finely    Esc, right click: cancel"
-
 
 _under_way = session.kept(UnderWay(), session.Until.REPLACED)
 # content: (name of the object, sculpted.signature()) at the last step of undo that this module has had made, if no undo
@@ -34,9 +33,10 @@ _last = session.Values(session.Until.REPLACED, content=None)
 def _make_undoable(ob):
     """Pushes a step of undo that holds the whole scene, unless the last step is one. Blender's undo goes back from a
     step of the whole scene to one of Sculpt Mode, as those of strokes, without restoring what else has changed."""
-    if not _last.content or None in _last.content or _last.content != (ob.name, sculpted.signature(ob)):
+    content = ob.name, sculpted.signature(ob)
+    if None in content or content != _last.content:
         bpy.ops.ed.undo_push(message="Sculpt Mode")
-        _last.content = ob.name, sculpted.signature(ob)
+        _last.content = content
 
 
 class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
@@ -51,7 +51,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         items=[('BRUSH', "Brush", "What lies in the middle of the brush: see Handle Size"),
                ('FACE_SET', "Face Set", "The whole face set under the brush; the reach is counted from its border")])
     handle_size: FloatProperty(
-        name="Handle Size", default=0.25, min=0.0, max=MOST_HELD, subtype='FACTOR', options={'SKIP_SAVE'},
+        name="Handle Size", default=0.25, min=0.0, max=_MOST_HELD, subtype='FACTOR', options={'SKIP_SAVE'},
         description="Share of the brush's radius in which the surface is moved as one piece")
     falloff: EnumProperty(**FALLOFF, options={'SKIP_SAVE'})
     turns: EnumProperty(name="Turns", items=HANDLE_TURNS, options={'SKIP_SAVE'},
@@ -103,7 +103,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         grip = brush_pulling.grip(ob, surface, vertex, face, self._size, self.hold == 'FACE_SET')
         self._applies = self.apply and not ob.detail_deform.handles
         self._pull = brush_pulling.BrushPull(context, ob, grip, self.radius, self.falloff, self.turns)
-        for done in self._pull.stages(wait=bpy.app.background or not self._view, watch=True):
+        for done in self._pull.stages(wait=not self._view, watch=True):
             if self._held is None and self._pull.is_binding:
                 self._held = _Held(ob, self._pull.empty)
             yield done
@@ -216,7 +216,7 @@ class OBJECT_OT_detail_deform_brush_pull(MeshOperator, bpy.types.Operator):
         if moved is not None:  # for a repeat
             self.offset = moved
             if pull:
-                self.handle_size = min(self._size / self.radius, MOST_HELD)
+                self.handle_size = min(self._size / self.radius, _MOST_HELD)
         for remark in pull.remarks if pull else ():
             self.report({'WARNING'}, remark)
         if pull and pull.made_modifier and not self._applies and (behind := stack.names_kept_after(ob)):

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..scene import shaders
+from ..scene import mesh_data, shaders
 
 _NEAR_COLOUR, _BORDER_COLOUR = (1.0, 0.55, 0.1, 0.6), (0.2, 0.75, 0.7, 0.25)
 _NEARER = 2e-4  # depth bias in normalized device coordinates, so that the surface doesn't hide its own preview
@@ -76,7 +76,7 @@ class ReachDrawing:
         for moves in self._others:
             away = np.full(len(self._positions), 2)
             away[moves] = 0
-            near = self._surface.triangles[(away[self._surface.triangles] == 0).any(axis=1)]
+            near = self._surface.triangles[mesh_data.touching(self._surface.triangles, away == 0)]
             self._batches.append(self._batch_of(away, near))
 
     def _batch_of(self, away, triangles):

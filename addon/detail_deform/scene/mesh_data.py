@@ -238,9 +238,10 @@ def group_weights(ob, names):
     return result
 
 
-def members(ob, *names):
-    """(n,) bool: the vertices that are members of at least one of these groups."""
-    vertices, _, weights = group_entries(ob, names)
+def members(ob, *names, entries=None):
+    """(n,) bool: the vertices that are members of at least one of these groups. entries: as for
+    handles_of_vertices()."""
+    vertices, _, weights = (entries or group_entries)(ob, names)
     result = np.zeros(len(ob.data.vertices), bool)
     result[vertices[weights > MEMBER_WEIGHT]] = True
     return result

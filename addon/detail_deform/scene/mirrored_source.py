@@ -52,7 +52,7 @@ class MirroredSource:
             reflected = rest @ flip[:3, :3].T + flip[:3, 3]
             is_separate = np.linalg.norm(reflected - rest, axis=1) >= merge_distance
             new_indices = np.where(is_separate, len(rest) + np.cumsum(is_separate) - 1, np.arange(len(rest)))
-            mirrored = new_indices[triangles[is_separate[triangles].any(axis=1)]][:, ::-1]
+            mirrored = new_indices[triangles[mesh_data.touching(triangles, is_separate)]][:, ::-1]
             triangles = np.concatenate([triangles, mirrored])
             rest = np.concatenate([rest, reflected[is_separate]])
             own, of_copy = np.concatenate([own, own[is_separate]]), np.concatenate(

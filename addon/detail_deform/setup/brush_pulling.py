@@ -9,6 +9,7 @@ from ..follow import lifecycle
 from ..library import native
 from ..scene import displayed, group_columns, handle_curves, mesh_data, sculpted, split, start
 from ..scene.mesh_data import MeshProblem
+from ..scene.subject import enabled_handles
 from . import handle_setup, mirroring, region_setup
 from .pulling import Pull, bind, earlier_handles, may_set_region, symmetric_axes, until_bound
 
@@ -24,26 +25,24 @@ class BrushedSurface:
         self._welded_triangles = self._welded.representatives(self.triangles)
         self.fixed = sculpted.are_fixed(ob.data)
 
-    def within(self, parts, limit):
-        """(n,) bool: the vertices at a distance of at most limit from the nearest of the parts, as for distances()."""
-        return self.distances(parts, limit) <= limit
+    def within(self, source, limit):
+        """(n,) bool: the vertices at a distance of at most limit, as for distances()."""
+        return self.distances(source, limit) <= limit
 
-    def distances(self, parts, limit):
-        """(n,) float32: the distances from the nearest of the parts, arrays of vertices, along the surface, in world
+    def distances(self, source, limit):
+        """(n,) float32: the distances from the nearest of the source's vertices, (k,), along the surface, in world
         units; infinite or any larger value beyond the limit. The time is that of the surface within the limit, apart
         from a pass over all vertices and triangles."""
+        source = np.unique(self._welded.representatives(np.asarray(source)))
+        low, high = (end(self._positions[source], axis=0) for end in (np.min, np.max))
+        # No shortest path up to the limit leaves this box.
+        inside = ((self._positions >= low - limit) & (self._positions <= high + limit)).all(axis=1)
+        near = self._welded_triangles[mesh_data.touching(self._welded_triangles, inside)]
+        vertices, near = np.unique(near, return_inverse=True)
         distances = np.full(len(self.local), np.inf, np.float32)
-        for part in parts:
-            source = np.unique(self._welded.representatives(np.asarray(part)))
-            low, high = (end(self._positions[source], axis=0) for end in (np.min, np.max))
-            # No shortest path up to the limit leaves this box.
-            inside = ((self._positions >= low - limit) & (self._positions <= high + limit)).all(axis=1)
-            near = self._welded_triangles[mesh_data.touching(self._welded_triangles, inside)]
-            vertices, near = np.unique(near, return_inverse=True)
-            found = native.distances(self._positions[vertices], near.reshape(-1, 3).astype(np.int32),
-                                     np.isin(vertices, source))
-            distances[vertices] = np.minimum(distances[vertices], found)
-            distances[source] = 0
+        distances[vertices] = native.distances(self._positions[vertices], near.reshape(-1, 3).astype(np.int32),
+                                               np.isin(vertices, source))
+        distances[source] = 0
         distances = distances[self._welded.representatives(np.arange(len(distances)))]
         return region_setup.with_loose(self._ob, self._welded_triangles, distances)
 
@@ -80,33 +79,28 @@ def grip(ob, surface, vertex, face, size, by_face_set):
     those of the face's face set. surface: the BrushedSurface. Raises MeshProblem."""
     settings, may_move = ob.detail_deform, ~surface.fixed
     if settings.region and not may_set_region(ob):
-        inside = np.zeros(len(may_move), bool)
-        inside[mesh_data.members_of_each(ob, [settings.region], group_columns.entries)[0]] = True
-        may_move &= inside
+        may_move &= _members(ob, settings.region)
         if not may_move[vertex]:
             raise MeshProblem(f"What is under the brush is not in the region, '{settings.region}', and stays where it "
                               "is: pull within it, or clear Region.")
-    held = _held(ob)
+    held = _members(ob, *(handle.vertex_group for handle in enabled_handles(settings)))
     if by_face_set:
         source = sculpted.vertices_of_face_set(ob.data, face) & may_move
-        if source[held].any():
+        if (source & held).any():
             raise MeshProblem("The face set has vertices of another handle, which would stay: drag that one, or press "
                               "Apply first.")
         return Grip(surface, source, source, vertex, may_move, True)
     source = np.zeros(len(may_move), bool)
     source[vertex] = True
     # At most half of the distance to the next handle and to what stays: the surface between two that touch would tear.
-    stays = ~may_move
-    stays[held] = True
-    size = min(size, 0.5 * float(surface.distances([[vertex]], 2 * size)[stays].min(initial=np.inf)))
-    return Grip(surface, source, surface.within([[vertex]], size) & may_move, vertex, may_move, False, size)
+    distances = surface.distances([vertex], 2 * size)
+    size = min(size, 0.5 * float(distances[held | ~may_move].min(initial=np.inf)))
+    return Grip(surface, source, (distances <= size) & may_move, vertex, may_move, False, size)
 
 
-def _held(ob):
-    """The numbers of the vertices of all handles."""
-    groups = [handle.vertex_group for handle in ob.detail_deform.handles
-              if handle.enabled and handle.vertex_group in ob.vertex_groups]
-    return np.concatenate([np.empty(0, np.intp), *mesh_data.members_of_each(ob, groups, group_columns.entries)])
+def _members(ob, *groups):
+    """(n,) bool: the vertices in at least one of these groups; those that aren't there have none."""
+    return mesh_data.members(ob, *filter(ob.vertex_groups.__contains__, groups), entries=group_columns.entries)
 
 
 def handle_at(ob, vertex, count=None):
@@ -138,9 +132,7 @@ def handle_at(ob, vertex, count=None):
 def check_unmasked(ob, surface, number):
     """Raises MeshProblem where a handle would move what is masked now: it can't be left out without losing the pose."""
     handle = ob.detail_deform.handles[number]
-    groups = [name for name in (handle.vertex_group, handle.reach or ob.detail_deform.region)
-              if name in ob.vertex_groups]
-    if surface.fixed[np.concatenate(mesh_data.members_of_each(ob, groups, group_columns.entries))].any():
+    if (surface.fixed & _members(ob, handle.vertex_group, handle.reach or ob.detail_deform.region)).any():
         raise MeshProblem(f"What is under the brush is in handle '{handle.name}', which moves what was masked or "
                           "hidden since: clear the mask, or press Apply first.")
 
@@ -190,7 +182,7 @@ class BrushPull(Pull):
                                   "or press Apply first.")
             image = self._exact_image(grip.vertices, axis)
             if image is None:
-                image = grip.surface.within([[mirrored]], grip.size)
+                image = grip.surface.within([mirrored], grip.size)
         return image & grip.may_move
 
     def _exact_image(self, chosen, axis):
@@ -206,7 +198,7 @@ class BrushPull(Pull):
         """(n,) bool: the vertices within the radius of the source and its mirror images, and all that are beside the
         handles, so that something follows on a mesh that is coarser than the radius."""
         ob, grip = self._ob, self._grip
-        of_source = grip.surface.within([np.flatnonzero(grip.source)], self.radius)
+        of_source = grip.surface.within(np.flatnonzero(grip.source), self.radius)
         within = of_source.copy()
         for axis in symmetric_axes(ob):
             image = self._exact_image(of_source, axis)
@@ -214,11 +206,9 @@ class BrushPull(Pull):
                 image = mirroring.mirror_image(ob, of_source, axis)[0]
             elif image is None:
                 mirrored = self._mirrored(axis)
-                image = False if mirrored is None else grip.surface.within([[mirrored]], self.radius)
+                image = False if mirrored is None else grip.surface.within([mirrored], self.radius)
             within |= image
-        groups = [handle.vertex_group for handle in ob.detail_deform.handles[self._count:]]
-        held = np.zeros(len(within), bool)
-        held[np.concatenate(mesh_data.members_of_each(ob, groups, group_columns.entries))] = True
+        held = _members(ob, *(handle.vertex_group for handle in ob.detail_deform.handles[self._count:]))
         return within | region_setup.grown(ob, held, 1)
 
     def change_radius(self, radius):

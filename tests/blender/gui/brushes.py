@@ -6,24 +6,20 @@ import numpy as np
 from mathutils import Vector
 
 from desk import check, coordinates, evaluated, expect, in_view, new_scene, screenshot, settle, xdotool
-from pulls import drag, show_tool
-
-
-def _suzanne():
-    return bpy.data.objects["Suzanne"]
+from pulls import drag, show_tool, suzanne
 
 
 def _handles():
-    return _suzanne().detail_deform.handles
+    return suzanne().detail_deform.handles
 
 
 def _moved():
     """(n,): how far what is displayed is from the mesh itself."""
-    return np.linalg.norm(evaluated(_suzanne()) - coordinates(_suzanne().data), axis=1)
+    return np.linalg.norm(evaluated(suzanne()) - coordinates(suzanne().data), axis=1)
 
 
 def _is_bound_to(count):
-    return lambda: len(_handles()) == count and _suzanne().detail_deform.is_bound and _moved().max() > 0.05
+    return lambda: len(_handles()) == count and suzanne().detail_deform.is_bound and _moved().max() > 0.05
 
 
 def _brush_size(pixels):
@@ -35,7 +31,7 @@ def _brush_size(pixels):
 
 def _tip(axis, sign=1, within=lambda p: True):
     """The displayed vertex that is farthest along an axis."""
-    points = evaluated(_suzanne())
+    points = evaluated(suzanne())
     return Vector(max((p for p in points if within(p)), key=lambda p: sign * p[axis]))
 
 
@@ -63,16 +59,16 @@ def sculpting_mode():
 
 def by_brush():
     """Drags, each of which is a step of undo; Esc, the wheel, and a drag beside the surface."""
-    ear, rest = _tip(0), evaluated(_suzanne())
+    ear, rest = _tip(0), evaluated(suzanne())
     chin = _tip(2, -1) + Vector((0, 0, 0.1))
     _brush_size(60)
     yield from drag('brush-beside', ear + Vector((1, 0, 1.2)), 60, 0)
-    check("a drag beside the surface does nothing", not _handles() and _suzanne().mode == 'SCULPT')
+    check("a drag beside the surface does nothing", not _handles() and suzanne().mode == 'SCULPT')
     yield from drag('brush-pull', ear - Vector((0.1, 0, 0)), 80, -40)
     yield from expect("a drag of the brush pulls the ear in Sculpt Mode", _is_bound_to(1))
     yield from settle()
-    check("which is not left", _suzanne().mode == 'SCULPT' and bpy.context.active_object == _suzanne())
-    moved, first = _moved(), evaluated(_suzanne())
+    check("which is not left", suzanne().mode == 'SCULPT' and bpy.context.active_object == suzanne())
+    moved, first = _moved(), evaluated(suzanne())
     check("around the ear alone", not moved[rest[:, 0] < 0].any())
     yield from drag('brush-again', _handles()[0].target.location.copy(), 40, 0)
     yield from expect("a drag that begins on the handle moves it on",
@@ -87,8 +83,8 @@ def by_brush():
     yield from expect("then the motion", _shows(first))
     yield from settle()
     xdotool('key', 'ctrl+z')
-    yield from expect("and then the first pull", lambda: not _handles() and _suzanne().mode == 'SCULPT')
-    check("and all that it made", not _suzanne().vertex_groups and not _suzanne().modifiers)
+    yield from expect("and then the first pull", lambda: not _handles() and suzanne().mode == 'SCULPT')
+    check("and all that it made", not suzanne().vertex_groups and not suzanne().modifiers)
     yield from settle()
     xdotool('key', 'ctrl+shift+z')
     yield from expect("redo brings it again", lambda: len(_handles()) == 1 and _shows(first)())
@@ -97,13 +93,13 @@ def by_brush():
 
 
 def _shows(positions):
-    return lambda: np.abs(evaluated(_suzanne()) - positions).max() < 1e-5
+    return lambda: np.abs(evaluated(suzanne()) - positions).max() < 1e-5
 
 
 def _escape(chin, first):
     yield from drag('brush-escape', chin, 0, 60, [('Escape', 1)])
     yield from expect("Esc takes a pull back", _shows(first))
-    check("and its handle", len(_handles()) == 1 and len(_suzanne().vertex_groups) == 2)
+    check("and its handle", len(_handles()) == 1 and len(suzanne().vertex_groups) == 2)
 
 
 def _wheel(chin, first):
@@ -112,7 +108,7 @@ def _wheel(chin, first):
         yield from drag(f'brush-wheel-{notches}', chin, 0, 60, [(4, notches)])
         yield from expect("the second handle is bound", _is_bound_to(2))
         yield from settle()
-        sizes.append(int((np.linalg.norm(evaluated(_suzanne()) - first, axis=1) > 1e-5).sum()))
+        sizes.append(int((np.linalg.norm(evaluated(suzanne()) - first, axis=1) > 1e-5).sum()))
         xdotool('key', 'ctrl+z')
         yield from expect("and undone by a step", lambda: len(_handles()) == 1)
         yield from settle()
@@ -123,13 +119,13 @@ def _wheel(chin, first):
 def sculpting_what_was_pulled():
     """After Apply Blender's brushes work on what is seen; a pull between strokes is undone by itself; masked vertices
     stay, and the symmetry pulls both sides."""
-    shown = evaluated(_suzanne())
+    shown = evaluated(suzanne())
     with in_view():
         bpy.ops.object.detail_deform_apply('EXEC_DEFAULT', True, remove_handles=True)
     yield from settle()
-    applied = coordinates(_suzanne().data)
+    applied = coordinates(suzanne().data)
     check("Apply keeps the shape", np.abs(applied - shown).max() < 1e-6)
-    check("and Sculpt Mode, and no handle", _suzanne().mode == 'SCULPT' and not _handles())
+    check("and Sculpt Mode, and no handle", suzanne().mode == 'SCULPT' and not _handles())
     if bpy.context.tool_settings.sculpt.brush is not None:  # Debian's 4.3.2 comes without Blender's brushes
         yield from _stroking(shown, applied)
     yield from _masked()
@@ -137,18 +133,18 @@ def sculpting_what_was_pulled():
 
 def _stroking(shown, applied):
     yield from _stroke('brush-blender', _tip(0) - Vector((0.15, 0, 0.05)))
-    brushed, there = coordinates(_suzanne().data), np.linalg.norm(coordinates(_suzanne().data) - applied, axis=1)
+    brushed, there = coordinates(suzanne().data), np.linalg.norm(coordinates(suzanne().data) - applied, axis=1)
     check("a brush of Blender's works there", there.max() > 1e-3 and shown[there.argmax(), 0] > 1)
     yield from drag('brush-between', _tip(2, -1) + Vector((0, 0, 0.1)), 0, 60)
     yield from expect("then a pull", _is_bound_to(1))
     yield from settle()
     xdotool('key', 'ctrl+z')
     yield from expect("is undone alone", lambda: not _handles() and not _moved().any()
-                      and np.array_equal(coordinates(_suzanne().data), brushed))
+                      and np.array_equal(coordinates(suzanne().data), brushed))
     for _ in range(2):
         xdotool('key', 'ctrl+z')
         yield from settle()
-    yield from expect("then the stroke", lambda: np.abs(coordinates(_suzanne().data) - applied).max() < 1e-6)
+    yield from expect("then the stroke", lambda: np.abs(coordinates(suzanne().data) - applied).max() < 1e-6)
 
 
 def _stroke(name, place):
@@ -167,7 +163,7 @@ def _fill_mask(value):
 
 
 def _masked():
-    ob = _suzanne()
+    ob = suzanne()
     _brush_size(90)
     ob.data.use_mirror_x = True
     rest = coordinates(ob.data)
@@ -197,25 +193,25 @@ def applying_at_once():
     with in_view():
         bpy.ops.object.detail_deform_apply('EXEC_DEFAULT', True, remove_handles=True)
         _fill_mask(0.0)
-    ob = _suzanne()
+    ob = suzanne()
     ob.data.use_mirror_x = False
     _tool().apply = True
     yield from settle()
     rest, nose = coordinates(ob.data), _tip(1, -1)
     yield from drag('brush-click', nose, 0, 0)
-    check("a click changes nothing", not _handles() and np.array_equal(coordinates(_suzanne().data), rest))
+    check("a click changes nothing", not _handles() and np.array_equal(coordinates(suzanne().data), rest))
     yield from drag('brush-at-once', nose, 0, 60)
     yield from expect("a drag becomes part of the sculpt at once",
-                      lambda: np.abs(coordinates(_suzanne().data) - rest).max() > 0.2)
-    check("and leaves no handle", not _handles() and not _suzanne().modifiers and _suzanne().mode == 'SCULPT')
+                      lambda: np.abs(coordinates(suzanne().data) - rest).max() > 0.2)
+    check("and leaves no handle", not _handles() and not suzanne().modifiers and suzanne().mode == 'SCULPT')
     yield from settle()
     xdotool('key', 'ctrl+z')
-    yield from expect("a step takes it back", lambda: np.array_equal(coordinates(_suzanne().data), rest))
+    yield from expect("a step takes it back", lambda: np.array_equal(coordinates(suzanne().data), rest))
     yield from _by_face_set(rest)
 
 
 def _by_face_set(rest):
-    ob = _suzanne()
+    ob = suzanne()
     sets = np.ones(len(ob.data.polygons), np.int32)
     corners = [polygon.vertices[0] for polygon in ob.data.polygons]
     low = rest[corners, 2] < -0.55
@@ -227,7 +223,7 @@ def _by_face_set(rest):
     yield from drag('brush-face-set', _tip(2, -1) + Vector((0, 0, 0.1)), 0, 60)
     yield from expect("a face set is pulled", _is_bound_to(1))
     yield from settle()
-    faces = [polygon for polygon, inside in zip(_suzanne().data.polygons, low) if inside]
+    faces = [polygon for polygon, inside in zip(suzanne().data.polygons, low) if inside]
     held = _moved()[np.unique([vertex for face in faces for vertex in face.vertices])]
     check("as one piece", np.ptp(held) < 1e-4 and held.min() > 0.1 and _moved().max() < 1.1 * held.max())
     _tool().hold = 'BRUSH'
